@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from vtkmuscle import filters
-from vtkmuscle.filters.deformer.settings import PRESETS
+from vtkmuscle.filters.deformer import PRESETS
 from vtkmuscle.pipelines import PUBLISHED_FIBRES
 
 HERE = Path(__file__).resolve().parent

@@ -126,9 +126,10 @@ class MuscleAccessor:
         """
         areas = _areas(origin, insertion, attachments, _names(bones))
         marked = areas is None and fixing is None and "FixedTo" in self._mesh.point_data
-        return deform(
-            self._mesh, bones, motion, areas, fibres=fibres, fixing=None if marked else fixing or {}, **solver
-        ).apply(time=time)
+        fixed = None if marked else fixing or {}
+        return deform(self._mesh, bones, motion, areas, fibres=fibres, fixing=fixed, **solver).apply(
+            time=time
+        )
 
     def fibres(
         self, *, origin: Any = None, insertion: Any = None, attachments: Any = None, **settings: Any

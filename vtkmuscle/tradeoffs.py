@@ -17,7 +17,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of
-from vtkmuscle.filters.deformer.settings import PRESETS
+from vtkmuscle.filters.deformer import PRESETS
 from vtkmuscle.filters.taut_paths import PATH_PRESETS
 from vtkmuscle.io.literature import curves_for, drawn
 from vtkmuscle.io.writing import Outputs

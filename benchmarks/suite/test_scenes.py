@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from vtkmuscle.filters.deformer.settings import PRESETS
+from vtkmuscle.filters.deformer import PRESETS
 from vtkmuscle.filters.taut_paths import PATH_PRESETS
 
 FEW = 3

@@ -12,8 +12,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.joints.functions import IDENTITY
 from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
-from vtkmuscle.phantoms.hip_bones import HEAD_RADIUS, pelvis, upper_femur
-from vtkmuscle.phantoms.hip_joint import beside_bones, hip_parts
+from vtkmuscle.phantoms.hip_joint import HEAD_RADIUS, beside_bones, hip_parts, pelvis, upper_femur
 from vtkmuscle.phantoms.implicit import Solid, ball, rod, thick_curve, union
 from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, circle, ends, phantom_from

@@ -31,7 +31,7 @@ from vtkmodules.vtkFiltersGeometry import vtkCompositeDataGeometryFilter
 import vtkmuscle
 from examples import OBJECTS, TIMES, example
 from vtkmuscle.data.arrays import add_arrays, points_of
-from vtkmuscle.data.pipeline_times import joined_provenance, provenance_entry, provenance_of
+from vtkmuscle.data.pipeline_times import provenance_array, provenance_of
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.plotting import can_render
 
@@ -79,8 +79,7 @@ def check_provenance_travels(case):
     """The output says which filters made it, with their parameters: those of all inputs, and this one."""
     inputs = case.inputs()
     for number, data in enumerate(inputs):
-        entry = provenance_entry(f"Earlier{number}", {"value": number})
-        data.GetFieldData().AddArray(joined_provenance([], entry))
+        data.GetFieldData().AddArray(provenance_array([], f"Earlier{number}", {"value": number}))
     algorithm = case.filter(*inputs)
     output = algorithm.update().output
     steps = provenance_of(output)

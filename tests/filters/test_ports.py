@@ -14,7 +14,7 @@ from vtkmodules.vtkFiltersSources import vtkLineSource
 
 from vtkmuscle.data.arrays import blocks_of, multiblock_from, points_of, with_points
 from vtkmuscle.filters import Filter, InputPort, OutputPort, Parameter
-from vtkmuscle.filters.base.chain import Chain
+from vtkmuscle.filters.base.running import Chain
 
 
 class Add(Filter):

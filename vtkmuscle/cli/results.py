@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from json import dumps
 from math import inf
@@ -26,7 +26,6 @@ from vtkmuscle.cli.options import (
 from vtkmuscle.core.errors import InputError
 
 if TYPE_CHECKING:
-    from vtkmuscle.io.writing import Outputs
     from vtkmuscle.labels.draft import Draft
     from vtkmuscle.run import Result
 
@@ -72,17 +71,6 @@ def export_muscles(source: Path, out: Path, options: ExportOptions) -> None:
         if parameters := muscle.out.parameters:
             typer.echo("  " + ", ".join(f"{name} {value:.4g}" for name, value in parameters.items()))
     typer.echo(f"wrote {out}, and the errors in {out.stem}_errors.csv")
-
-
-def _outputs(
-    file: Path, inputs: Iterable[Path | None], *, overwrite: bool, ours: Iterable[Path] = ()
-) -> Outputs:
-    """Return the outputs of a command in the folder of a file, after a check of the file."""
-    from vtkmuscle.io.writing import Outputs
-
-    outputs = Outputs(file.parent, inputs=filter(None, inputs), overwrite=overwrite, ours=ours)
-    outputs.check(file)
-    return outputs
 
 
 def _kilograms(text: str) -> float:
@@ -135,6 +123,7 @@ def check(
     """
     if model.suffix.lower() == ".toml":
         raise InputError(model, "this is no model of OpenSim", "a run checks a scene: vtkmuscle run")
+    from vtkmuscle.io.writing import Outputs
     from vtkmuscle.opensim import check_model, write_opensim
     from vtkmuscle.opensim.checking import FIBRES_OUTSIDE
 
@@ -142,10 +131,10 @@ def check(
     if (repair is None) != (scene is None) or (repair is not None and not replace):
         raise InputError("--repair", "a repair takes a scene and muscles", "give --scene and --replace too")
     page = out or Path(f"{model.stem}_check.html")
-    pages = _outputs(page, [model, scene], overwrite=options.overwrite)
+    pages = Outputs.for_file(page, [model, scene], overwrite=options.overwrite)
     pages.check(page.with_suffix(".csv"))
     if repair is not None and scene is not None:
-        with _outputs(repair, [model, scene], overwrite=options.overwrite):
+        with Outputs.for_file(repair, [model, scene], overwrite=options.overwrite):
             repaired = write_opensim(scene, repair, into=model, replace=pairs(replace))
         for new in repaired:
             typer.echo(f"{new.out.name}: {new}", err=options.json)
@@ -177,10 +166,11 @@ def report(
     overwrite: OverwriteOption = False,
 ) -> None:
     """Write the page of a finished run again: scene, curves, tables, verdicts."""
+    from vtkmuscle.io.writing import Outputs
     from vtkmuscle.run.store import PAGE
 
     page = out or results / PAGE
-    with _outputs(page, [results, literature], overwrite=overwrite, ours=[results / PAGE]):
+    with Outputs.for_file(page, [results, literature], overwrite=overwrite, ours=[results / PAGE]):
         _loaded(results, literature).write_report(page)
     typer.echo(f"wrote {page}")
 

@@ -11,13 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import get_numpy_array_type, get_vtk_array_type, vtk_to_numpy
 from vtkmodules.vtkCommonCore import VTK_ID_TYPE, vtkDataArray, vtkIdList, vtkPoints, vtkStringArray
-from vtkmodules.vtkCommonDataModel import (
-    vtkCellArray,
-    vtkCompositeDataSet,
-    vtkDataObject,
-    vtkMultiBlockDataSet,
-    vtkPolyData,
-)
+from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 
 from vtkmuscle.core.errors import InputError
@@ -270,7 +264,7 @@ def blocks_of(data: vtkMultiBlockDataSet) -> list[tuple[str, Any]]:
     """Return (name, data set) of each block; unnamed blocks are numbered."""
     blocks = []
     for i in range(data.GetNumberOfBlocks()):
-        name = data.GetMetaData(i).Get(vtkCompositeDataSet.NAME()) if data.HasMetaData(i) else None
+        name = data.GetMetaData(i).Get(vtkMultiBlockDataSet.NAME()) if data.HasMetaData(i) else None
         blocks.append((str(i) if name is None else name, data.GetBlock(i)))
     return blocks
 
@@ -280,7 +274,7 @@ def multiblock_from(blocks: dict[str, Any]) -> vtkMultiBlockDataSet:
     data = vtkMultiBlockDataSet()
     for i, (name, block) in enumerate(blocks.items()):
         data.SetBlock(i, block)
-        data.GetMetaData(i).Set(vtkCompositeDataSet.NAME(), name)
+        data.GetMetaData(i).Set(vtkMultiBlockDataSet.NAME(), name)
     return data
 
 

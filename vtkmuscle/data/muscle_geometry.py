@@ -144,25 +144,30 @@ _geometry = shared(MuscleGeometry, last=REMEMBERED)
 
 
 class Neighbours:
-    """The neighbours of a muscle, at rest (n, 3), over time."""
+    """The neighbours of a muscle over time; the muscle is at rest (n, 3), of several levels or one."""
 
-    def __init__(self, rest: Floats) -> None:
-        self._rest = rest
-        self._allowances: dict[int, Floats] = {}
+    def __init__(self, *rests: Floats) -> None:
+        self._rests = rests
+        self._allowances: dict[int, list[Floats]] = {}
 
-    def at(self, muscles: vtkMultiBlockDataSet) -> list[Neighbour]:
-        """Return the neighbours in a pose: surfaces of triangles with the point array ``Displacement``."""
-        neighbours = []
-        for number, (name, block) in enumerate(blocks_of(muscles)):
+    def at(self, muscles: vtkMultiBlockDataSet | None) -> list[Any]:
+        """Return a Neighbour for each muscle in a pose, a tuple of them for several levels.
+
+        Muscles are surfaces of triangles with the point array ``Displacement``.
+        """
+        neighbours: list[Any] = []
+        for number, (name, block) in enumerate([] if muscles is None else blocks_of(muscles)):
             where = f"neighbours, block {name!r}"
             if not isinstance(block, vtkPolyData):
                 raise InputError(where, "it is no vtkPolyData", "connect outputs of PBDDeformer")
             points, triangles = checked_surface(block, where)
             if number not in self._allowances:
                 displacement = np.array(point_array(block, "Displacement", where))
-                rest = outward_tree(points - displacement, triangles)
-                self._allowances[number] = rest.depth(self._rest)
-            neighbours.append(Neighbour(outward_tree(points, triangles), self._allowances[number]))
+                at_rest = outward_tree(points - displacement, triangles)
+                self._allowances[number] = [at_rest.depth(rest) for rest in self._rests]
+            tree = outward_tree(points, triangles)
+            levels = tuple(Neighbour(tree, allowance) for allowance in self._allowances[number])
+            neighbours.append(levels if len(levels) > 1 else levels[0])
         return neighbours
 
 

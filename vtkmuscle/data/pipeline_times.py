@@ -116,13 +116,9 @@ def provenance_of(data: Any) -> list[dict[str, Any]]:
     return [json.loads(entry) for entry in field_strings(data, PROVENANCE)]
 
 
-def provenance_entry(name: str, parameters: Mapping[str, Any]) -> str:
-    """Return a filter's entry for its output."""
+def provenance_array(inputs: Iterable[Any], name: str, parameters: Mapping[str, Any]) -> vtkStringArray:
+    """Return the provenance of a result: the entries of inputs (None: open port), then the filter's."""
+    entries = [entry for data in inputs if data is not None for entry in field_strings(data, PROVENANCE)]
     step = {"filter": name, "parameters": dict(parameters), "vtkmuscle": __version__}
-    return json.dumps(step, default=lambda value: type(value).__name__)
-
-
-def joined_provenance(earlier: Iterable[vtkStringArray], entry: str) -> vtkStringArray:
-    """Return the provenance of a result: the inputs' entries, then `entry`."""
-    entries = [array.GetValue(i) for array in earlier for i in range(array.GetNumberOfValues())]
-    return string_array(PROVENANCE, dict.fromkeys([*entries, entry]))
+    own = json.dumps(step, default=lambda value: type(value).__name__)
+    return string_array(PROVENANCE, dict.fromkeys([*entries, own]))

@@ -85,9 +85,8 @@ class AttachmentEstimator(Filter):
 
     def execute(self, muscle: vtkPolyData, bones: dict[str, vtkPolyData]) -> vtkMultiBlockDataSet:
         """Return the areas."""
-        areas = estimated_areas(
-            muscle, bones, within=self.distance, origin=self.origin, insertion=self.insertion
-        )
+        origin, insertion = self.origin, self.insertion
+        areas = estimated_areas(muscle, bones, within=self.distance, origin=origin, insertion=insertion)
         return attachments_from(areas)
 
 

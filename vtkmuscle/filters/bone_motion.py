@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,10 @@ def _moved(bone: vtkPolyData, transform: Floats) -> vtkPolyData:
     mover.Update()
     moved: vtkPolyData = mover.GetOutput()
     return add_arrays(moved, fields={"Transform": transform.reshape(-1)})
+
+
+#: How the coordinates of a motion move the bones, the same for all muscles of a scene.
+_twists_of = lru_cache(maxsize=2)(MotionTwists)
 
 
 class BoneMotion(Filter):
@@ -88,11 +93,6 @@ class BoneMotion(Filter):
     bones = InputPort(vtkMultiBlockDataSet, _rest_pose)
     output = OutputPort(vtkMultiBlockDataSet)
 
-    def __init__(self, **parameters: Any) -> None:
-        #: A motion, and how its coordinates move the bones.
-        self._twists: tuple[RigidMotion, MotionTwists] | None = None
-        super().__init__(**parameters)
-
     def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
         """Return the times of the motion."""
         return None if self.motion is None else [float(time) for time in self.motion.times]
@@ -103,10 +103,8 @@ class BoneMotion(Filter):
         twists: dict[str, dict[str, Floats]] = {}
         if self.motion is not None:
             assert self.request_time is not None  # the filter announces the motion's times
-            if self._twists is None or self._twists[0] is not self.motion:
-                self._twists = self.motion, MotionTwists(self.motion)
             transforms = self.motion.at(self.request_time)
-            twists = self._twists[1].at(self.request_time)
+            twists = _twists_of(self.motion).at(self.request_time)
         if unknown := sorted(set(transforms) - set(bones)):
             moved, named = (", ".join(map(repr, names)) for names in (unknown, bones))
             problem = f"the motion moves {moved}, but the bones are {named}"

@@ -86,9 +86,8 @@ class LinearBlendFibres(Filter):
         ends = ("origin", self.origin, 0), ("insertion", self.insertion, -1)
         first, last = (bones.transforms[self._index(bones.names, *end)] for end in ends)
         result = rest_fibres.moved(blend_fibres(points, offsets, first, last, self.a))
-        return add_arrays(
-            result, cells={"RestLength": polyline_lengths(points, offsets)}, fields={"BlendA": self.a}
-        )
+        cells = {"RestLength": polyline_lengths(points, offsets)}
+        return add_arrays(result, cells=cells, fields={"BlendA": self.a})
 
     @staticmethod
     def _index(names: list[str], role: str, name: str | None, default: int) -> int:

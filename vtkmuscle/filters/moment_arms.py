@@ -91,10 +91,8 @@ class MomentArms(Filter):
     fibres = ports.Lines()
     output = OutputPort(vtkPolyData)
 
-    def __init__(self, **parameters: Any) -> None:
-        self._steps: tuple[float, ...] = ()
-        self._measured: tuple[list[int], Floats] | None = None
-        super().__init__(**parameters)
+    _steps: tuple[float, ...] = ()
+    _measured: tuple[list[int], Floats] | None = None
 
     def RequestUpdateExtent(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Note the time steps; :meth:`execute` requests fibres at further times."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fibres.embedding import EmbeddedPoints
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle, CarriedPose
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, state_of
@@ -145,18 +143,16 @@ class PathDeformer(Filter):
 
     times_from = "bones"
 
-    def __init__(self, **settings: Any) -> None:
-        self._carried: CarriedMuscle | None = None
-        #: Muscle, paths, bones and clearance of the carried muscle.
-        self._made_from: tuple[FixedMuscle, Floats | None, dict[int, Bone], float] | None = None
-        self._neighbours: Neighbours | None = None
-        self._embedded: EmbeddedPoints | None = None
-        #: State of the inputs at the last pose, and the pose; its measures and its surface. VTK asks for each
-        #: output by itself.
-        self._last: tuple[Any, CarriedPose] | None = None
-        self._surface: tuple[tuple[bool, bool], vtkPolyData] | None = None
-        self._fibres_asked = False
-        super().__init__(**settings)
+    _carried: CarriedMuscle | None = None
+    #: Muscle, paths, bones and clearance of the carried muscle.
+    _made_from: tuple[FixedMuscle, Floats | None, dict[int, Bone], float] | None = None
+    _neighbours = Neighbours()
+    _embedded: EmbeddedPoints | None = None
+    #: State of the inputs at the last pose, and the pose; its measures and its surface. VTK asks for each
+    #: output by itself.
+    _last: tuple[Any, CarriedPose] | None = None
+    _surface: tuple[tuple[bool, bool], vtkPolyData] | None = None
+    _fibres_asked = False
 
     def ProcessRequest(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Omit the fibres from requests for the muscle alone."""
@@ -186,7 +182,7 @@ class PathDeformer(Filter):
                 None if paths is None else paths.points,
                 bones.transforms,
                 rounds=self.iterations,
-                neighbours=self._neighbours_at(muscle, neighbours),
+                neighbours=self._neighbours.at(neighbours),
                 progress=self.report_progress,
             )
             self._last, self._surface = (state, pose), None
@@ -218,19 +214,12 @@ class PathDeformer(Filter):
             ):
                 assert self._carried is not None
                 return self._carried
-        self._made_from = self._last = self._neighbours = self._embedded = None
+        self._made_from = self._last = self._embedded = None
+        self._neighbours = Neighbours(muscle.points)
         with errors_at("muscle"):
             self._carried = CarriedMuscle(fixed, rest, shapes, self.bone_clearance)
         self._made_from = fixed, rest, shapes, self.bone_clearance
         return self._carried
-
-    def _neighbours_at(self, muscle: Surface, neighbours: vtkMultiBlockDataSet | None) -> Sequence[Neighbour]:
-        """Return the neighbours in the pose."""
-        if neighbours is None:
-            return ()
-        if self._neighbours is None:
-            self._neighbours = Neighbours(muscle.points)
-        return self._neighbours.at(neighbours)
 
     def _fibres(
         self, muscle: Surface, paths: PathLines | None, fibres: Polylines | None, pose: CarriedPose

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -21,8 +20,7 @@ from vtkmuscle.data.isosurface import decimated
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
 from vtkmuscle.data.muscle_geometry import Neighbours, Surface
 from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, ports
-from vtkmuscle.filters.deformer import deformed_muscle
-from vtkmuscle.filters.deformer.settings import DeformerSettings, solver_parameters
+from vtkmuscle.filters.deformer import DeformerSettings, deformed_muscle, solver_parameters
 
 
 class PBDDeformer(DeformerSettings, HistoryFilter[State]):
@@ -119,7 +117,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
         self._solver: PBDSolver | TwoLevels | None = None
         self._made_from: tuple[object, ...] = ()
         self._bones: dict[int, Bone] = {}
-        self._neighbours: list[Neighbours] = []
+        self._neighbours: Neighbours | None = None
         super().__init__(**settings)
 
     def settings_of_frames(self) -> dict[str, Any]:
@@ -131,7 +129,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
     def forget(self) -> None:
         """Drop all frames, and the neighbours' shapes at rest."""
         super().forget()
-        self._neighbours = []
+        self._neighbours = None
 
     @property
     def path(self) -> list[float | None]:
@@ -191,8 +189,12 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
         neighbours: vtkMultiBlockDataSet | None,
     ) -> State:
         """Return the state after another one."""
-        solver, contacts = self._solver, self._neighbours_at(neighbours)
+        solver = self._solver
         assert solver is not None
+        if self._neighbours is None:
+            levels = [self._rest_muscle] if self._coarse is None else [self._coarse, self._rest_muscle]
+            self._neighbours = Neighbours(*(level.points for level in levels))
+        contacts = self._neighbours.at(neighbours)
         options: dict[str, Any] = {"neighbours": contacts, "progress": self.report_part}
         if start is not None:
             assert isinstance(solver, PBDSolver)
@@ -203,16 +205,6 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
             return solver.pose(start.points, bones.transforms, **options)
         last = solver.at_rest(len(bones.surfaces)) if before is None else before
         return solver.step(last, bones.transforms, **options)
-
-    def _neighbours_at(self, muscles: vtkMultiBlockDataSet | None) -> Sequence[Any]:
-        """Return the neighbours for the solver, for two levels a pair each."""
-        if muscles is None:
-            return ()
-        if not self._neighbours:
-            levels = [self._rest_muscle] if self._coarse is None else [self._coarse, self._rest_muscle]
-            self._neighbours = [Neighbours(level.points) for level in levels]
-        by_level = [neighbours.at(muscles) for neighbours in self._neighbours]
-        return by_level[0] if len(by_level) == 1 else list(zip(*by_level, strict=True))
 
     @property
     def _rest_muscle(self) -> FixedMuscle:

@@ -103,6 +103,13 @@ class Outputs:
         self._staged: dict[Path, Path] = {}
         self._stage = partial_path(self.folder / "outputs")
 
+    @classmethod
+    def for_file(cls, file: Path, inputs: Iterable[Path | None], **options: Any) -> Outputs:
+        """Return the outputs in the folder of a file, after a check of the file."""
+        outputs = cls(file.parent, inputs=filter(None, inputs), **options)
+        outputs.check(file)
+        return outputs
+
     def check(self, path: Path, *, is_folder: bool = False) -> None:
         """Raise an InputError or OSError if a file, or a whole folder, must not be written."""
         path = Path(os.path.abspath(path))

@@ -145,11 +145,8 @@ _SINE = ("amplitude", "omega", "phase", "offset")
 #: Elements in the functions of OpenSim's files that are understood.
 _PARTS: dict[str, tuple[str, ...]] = {
     "Constant": ("value",),
-    "LinearFunction": ("coefficients",),
-    "PolynomialFunction": ("coefficients",),
-    "SimmSpline": ("x", "y"),
-    "NaturalCubicSpline": ("x", "y"),
-    "natCubicSpline": ("x", "y"),
+    **dict.fromkeys(("LinearFunction", "PolynomialFunction"), ("coefficients",)),
+    **dict.fromkeys(("SimmSpline", "NaturalCubicSpline", "natCubicSpline"), ("x", "y")),
     "PiecewiseLinearFunction": ("x", "y"),
     "Sine": _SINE,
 }

@@ -132,9 +132,8 @@ def fitted_hinge(points: Floats, normals: Floats, areas: Floats, seeds: Bools) -
     for start in filter(np.any, starts):
         side = (points - points[start].mean(axis=0)) @ across
         try:
-            first, second = (
-                fitted_ball(points, normals, areas, start & (side * sign > 0.0)) for sign in (1, -1)
-            )
+            condyles = (start & (side * sign > 0.0) for sign in (1, -1))
+            first, second = (fitted_ball(points, normals, areas, condyle) for condyle in condyles)
         except InputError as error:
             problem = error
             continue

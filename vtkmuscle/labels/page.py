@@ -70,7 +70,7 @@ def init(
     >>> result = vtkmuscle.Scene.load(draft.file).run()  # doctest: +SKIP
     """
     folder, inputs = Path(out), [Path(file) for file in files]
-    outputs = _outputs(folder, inputs, overwrite=overwrite)
+    outputs = Outputs.for_file(folder / "scene.toml", inputs, overwrite=overwrite)
     draft = draft_of_files(inputs, folder, bones=bones, muscles=muscles, frame=frame)
     draft.complete()
     if draft.lacks:
@@ -117,16 +117,9 @@ def from_labels(
     folder, given = Path(out), [Path(file) for file in landmarks]
     table = Path(names or "")
     inputs = [Path(label_map), *given, *([table] if table.is_file() else [])]
-    outputs = _outputs(folder, inputs, overwrite=overwrite)
+    outputs = Outputs.for_file(folder / "scene.toml", inputs, overwrite=overwrite)
     draft = draft_of_labels(label_map, landmarks=given, names=names, **options)
     return _written(draft, outputs, folder)
-
-
-def _outputs(folder: Path, inputs: Iterable[Path], *, overwrite: bool) -> Outputs:
-    """Return the outputs of a draft, after a check of the scene's file."""
-    outputs = Outputs(folder, inputs=inputs, overwrite=overwrite)
-    outputs.check(folder / "scene.toml")
-    return outputs
 
 
 def _written(draft: Draft, outputs: Outputs, folder: Path) -> Draft:

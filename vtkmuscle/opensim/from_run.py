@@ -213,10 +213,7 @@ def export(
         raise InputError(path, "unknown format of an export", "end its name in .osim or .xml")
     if not is_osim and (into is not None or replace):
         raise InputError("into", "muscles are put into models of OpenSim only", "leave it out")
-    inputs = [Path(source)] if model is None else [Path(source), model]
-    outputs = Outputs(path.parent, inputs=inputs, overwrite=overwrite)
-    outputs.check(path)
-    with outputs:
+    with Outputs.for_file(path, [Path(source), model], overwrite=overwrite):
         if is_osim:
             return write_opensim(source, path, into=model, replace=replace, **options)
         return write_mujoco(source, path, **options)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -187,6 +188,12 @@ def _set(tag: str, objects: Iterable[Element], **attributes: str) -> Element:
     return made(tag, made("objects", *objects), made("groups"), **attributes)
 
 
+def _component(tag: str, *, name: str = "", **properties: Any) -> Element:
+    """Return a component, of a name or none, with properties: elements, texts or numbers."""
+    attributes = {"name": name} if name else {}
+    return made(tag, *(made(key, value) for key, value in properties.items()), **attributes)
+
+
 def _objects_in(body: Element) -> Element:
     """Return the element for a body's cylinders, made if missing."""
     for tag in ("WrapObjectSet", "objects"):
@@ -205,27 +212,20 @@ def _cylinders(muscles: Sequence[MuscleOut]) -> Iterator[tuple[str, Element]]:
     """Yield the body and the element of each cylinder."""
     for muscle in muscles:
         for number, cylinder in enumerate(getattr(muscle.path, "cylinders", ()), start=1):
-            parts = (
-                made("active", "true"),
-                made("xyz_body_rotation", _angles(cylinder.frame)),
-                made("translation", cylinder.centre),
-                made("quadrant", "all"),
-                made("radius", cylinder.radius),
-                made("length", CYLINDER),
-            )
-            yield cylinder.body, made("WrapCylinder", *parts, name=f"{muscle.name}-C{number}")
+            turn, size = _angles(cylinder.frame), {"radius": cylinder.radius, "length": CYLINDER}
+            place = {"xyz_body_rotation": turn, "translation": cylinder.centre, "quadrant": "all"}
+            name = f"{muscle.name}-C{number}"
+            yield cylinder.body, _component("WrapCylinder", active="true", **place, **size, name=name)
 
 
 def _coupler(coupling: Coupling) -> Element:
-    return made(
-        "CoordinateCouplerConstraint",
-        made("isEnforced", "true"),
-        made("coupled_coordinates_function", function_element(coupling.function)),
-        made("independent_coordinate_names", coupling.independent),
-        made("dependent_coordinate_name", coupling.dependent),
-        made("scale_factor", 1.0),
-        name=f"{coupling.dependent}_follows",
-    )
+    properties = {
+        "coupled_coordinates_function": function_element(coupling.function),
+        "independent_coordinate_names": coupling.independent,
+        "dependent_coordinate_name": coupling.dependent,
+    }
+    name, kind = f"{coupling.dependent}_follows", "CoordinateCouplerConstraint"
+    return _component(kind, isEnforced="true", **properties, scale_factor=1.0, name=name)
 
 
 def _joint(joint: Joint, tree: KinematicTree, owners: Mapping[str, str], paths: _Paths) -> Element:
@@ -295,27 +295,20 @@ def _muscle(muscle: MuscleOut, paths: _Paths) -> Element:
 def _muscle_path(muscle: str, path: PointPath | FunctionPath, paths: _Paths) -> Element:
     if isinstance(path, PointPath):
         return _point_path(muscle, path, paths)
-    polynomial = made(
-        "MultivariatePolynomialFunction",
-        made("coefficients", path.coefficients),
-        made("dimension", str(len(path.names))),
-        made("order", str(path.order)),
-    )
+    sizes = {"dimension": str(len(path.names)), "order": str(path.order)}
+    polynomial = _component("MultivariatePolynomialFunction", coefficients=path.coefficients, **sizes)
     names = made("coordinate_paths", " ".join(_path("coordinate", name, paths) for name in path.names))
     return made("FunctionBasedPath", names, made("length_function", polynomial), name="path")
 
 
 def _point_path(muscle: str, path: PointPath, paths: _Paths) -> Element:
     points = [_point(f"{muscle}-P{i}", point, paths) for i, point in enumerate(path.points, start=1)]
+    spans = [f"{cylinder.after + 1} {cylinder.after + 2}" for cylinder in path.cylinders]
     wraps = [
-        made(
-            "PathWrap",
-            made("wrap_object", f"{muscle}-C{i}"),
-            made("method", "hybrid"),
-            made("range", f"{cylinder.after + 1} {cylinder.after + 2}"),
-            name=f"{muscle}-W{i}",
+        _component(
+            "PathWrap", wrap_object=f"{muscle}-C{i}", method="hybrid", range=span, name=f"{muscle}-W{i}"
         )
-        for i, cylinder in enumerate(path.cylinders, start=1)
+        for i, span in enumerate(spans, start=1)
     ]
     return made("GeometryPath", _set("PathPointSet", points), _set("PathWrapSet", wraps), name="path")
 

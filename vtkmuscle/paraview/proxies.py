@@ -89,7 +89,7 @@ def properties_of(parameter: Parameter[Any], among: Iterable[Parameter[Any]] = (
         if parameter.listed is not None:
             listed = SubElement(SubElement(shown.xml, "StringListDomain", name="list"), "RequiredProperties")
             SubElement(listed, "Property", name=camel_case(parameter.listed), function="StringInfo")
-        if parameter.only_with is not None:
+        if parameter.only_with:
             name, *values = parameter.only_with
             _show_only_with(shown.xml, camel_case(name), values)
         for other in among:

@@ -70,9 +70,8 @@ def fibre_block(kind: str) -> Phantom:
         "origin_plate": box((-PLATE, 0.0, 0.0), (0.0, DEPTH, half), SPACING),
         "insertion_plate": box((WIDTH, 0.0, half), (WIDTH + PLATE, DEPTH, LENGTH), SPACING),
     }
-    return block(
-        kind, {"origin_plate": wall(0.0, 0.0, half)}, wall(WIDTH, half, LENGTH), bones, straight(WIDTH)
-    )
+    origins = {"origin_plate": wall(0.0, 0.0, half)}
+    return block(kind, origins, wall(WIDTH, half, LENGTH), bones, straight(WIDTH))
 
 
 def pennate_block() -> Phantom:

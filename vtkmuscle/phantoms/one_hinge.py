@@ -195,20 +195,15 @@ def _round_the_cylinder(angles: Floats, radius: float) -> Floats:
 def _cylinder_surfaces() -> tuple[dict[str, Surface], Surface]:
     middle = RADIUS + THICKNESS / 2.0
     straight = np.linspace(-STRAIGHT - THICKNESS, 0.0, 30, endpoint=False)
-    line = np.vstack(
-        [
-            np.column_stack([np.zeros(30), straight, np.full(30, middle)]),
-            _round_the_cylinder(np.linspace(0.0, WRAPPED, 25), middle),
-        ]
-    )
+    flat = np.column_stack([np.zeros(30), straight, np.full(30, middle)])
+    line = np.vstack([flat, _round_the_cylinder(np.linspace(0.0, WRAPPED, 25), middle)])
     across = np.linspace(-1.0, 1.0, 3)[:, None] * [(WIDTH - THICKNESS) / 2.0, 0.0, 0.0]
     knots = line[:, None, :] + across
     strap = thick_sheet(knots, np.full(knots.shape[:2], THICKNESS / 2.0), spacing=1.5)
     strap = strap.beside((0, -STRAIGHT, 0), (0, -1, 0), 1.0)
     length = WIDTH + 20.0
-    points, triangles = solid_of_revolution(
-        np.linspace(-length / 2.0, length / 2.0, 17), np.full(17, RADIUS), 48
-    )
+    heights = np.linspace(-length / 2.0, length / 2.0, 17)
+    points, triangles = solid_of_revolution(heights, np.full(17, RADIUS), 48)
     bones = {
         "base": box((-25, -STRAIGHT - 20, 10), (25, -STRAIGHT, 50), 5.0),
         # From the z axis to the x axis.

@@ -14,7 +14,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.filters.base import Filter, Parameter
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.filters.deformer.settings import PRESETS
+from vtkmuscle.filters.deformer import PRESETS
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
 from vtkmuscle.filters.fibre_source import FibreSource

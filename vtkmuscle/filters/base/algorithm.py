@@ -7,20 +7,12 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
-from vtkmodules.vtkCommonCore import vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSet
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkDemandDrivenPipeline, vtkExecutive
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import state_of
-from vtkmuscle.data.pipeline_times import (
-    PROVENANCE,
-    announce_times,
-    joined_provenance,
-    provenance_entry,
-    requested_time,
-    times_of,
-)
+from vtkmuscle.data.pipeline_times import announce_times, provenance_array, requested_time, times_of
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.base.running import show_error
 
@@ -203,9 +195,7 @@ class Algorithm(VTKPythonAlgorithmBase):
         return kept[2]
 
     def _publish(self, results: Any, inputs: Sequence[Any], outInfo: Any) -> None:
-        arrays = (data.GetFieldData().GetAbstractArray(PROVENANCE) for data in inputs if data is not None)
-        earlier = [array for array in arrays if isinstance(array, vtkStringArray)]
-        provenance = joined_provenance(earlier, provenance_entry(type(self).__name__, self.parameters()))
+        provenance = provenance_array(inputs, type(self).__name__, self.parameters())
         for port, result in enumerate(results if isinstance(results, tuple) else (results,)):
             if result is None:  # the output was not requested
                 continue

@@ -12,7 +12,6 @@ from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.filters.base.algorithm import Algorithm
-from vtkmuscle.filters.base.chain import Chain
 from vtkmuscle.filters.base.docstrings import documented
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
@@ -131,9 +130,6 @@ class Filter(Runnable, Algorithm):
     __str__ = __repr__
 
     # ---------------------------------------------------------------- connections
-
-    def __rshift__(self, right: Any) -> Chain:
-        return Chain(self, right)
 
     def connect(self, port: str | int, value: Any) -> None:
         """Connect an input port; ``connect("muscle", mesh)`` is ``muscle = mesh``.

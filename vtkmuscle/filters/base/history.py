@@ -64,8 +64,6 @@ class HistoryFilter(Filter, Generic[Frame]):
 
     def __init__(self, **settings: Any) -> None:
         self._frames: Checkpoints[Frame] = Checkpoints()
-        #: The filter's modification time, and its settings then.
-        self._settings: tuple[int, dict[str, Any]] = 0, {}
         self._made_with: object = None
         self._steps: tuple[float, ...] = ()
         #: Number of finished frames of the path, and of all.
@@ -127,9 +125,7 @@ class HistoryFilter(Filter, Generic[Frame]):
         """
         numbers = [self._number_of(name) for name in self.moving]
         connected = [number for number in numbers if self.GetNumberOfInputConnections(number)]
-        if self._settings[0] != self.GetMTime():
-            self._settings = self.GetMTime(), self.settings_of_frames()
-        made_with = self._settings[1], state_of_inputs(self, connected)
+        made_with = self.settings_of_frames(), state_of_inputs(self, connected)
         if made_with != self._made_with:
             self.forget()
             self._made_with = made_with

@@ -69,7 +69,7 @@ class Parameter(Declaration, Generic[T]):
     choices: tuple[str, ...] = ()
     length: int | None = None
     units: str = ""
-    only_with: tuple[str, *tuple[str, ...]] | None = None
+    only_with: tuple[str, ...] = ()
     sets: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     listed: str | None = None
 
@@ -100,19 +100,19 @@ class Parameter(Declaration, Generic[T]):
 
     def counts_with(self, values: Mapping[str, Any]) -> bool:
         """Return whether the parameter has an effect with these values."""
-        return self.only_with is None or values[self.only_with[0]] in self.only_with[1:]
+        return not self.only_with or values[self.only_with[0]] in self.only_with[1:]
 
     @property
     def condition(self) -> str:
         """Sentence on the condition of an effect; "" without a condition."""
-        if self.only_with is None:
+        if not self.only_with:
             return ""
         other, *values = self.only_with
         return f" Counts only with {other} {' or '.join(map(repr, values))}."
 
     def check_references(self, declarations: Mapping[str, Parameter[Any]], owner: str) -> None:
         """Check the parameters and values in `only_with` and `sets`."""
-        named = [] if self.only_with is None else [(self.only_with[0], v) for v in self.only_with[1:]]
+        named = [(self.only_with[0], value) for value in self.only_with[1:]]
         named += [item for group in self.sets.values() for item in group.items()]
         for other, value in named:
             if other not in declarations:
