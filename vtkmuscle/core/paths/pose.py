@@ -39,11 +39,6 @@ TOLERANCE = 5e-9
 #: an unstable equilibrium.
 ITERATIONS = 300
 
-#: A point on an edge of a bone, whose normal turns there from step to step, goes round for ever. The sheet is
-#: at rest where it comes back to a tenth of a step after so many steps at most, and no point leaves it by
-#: more than this part of a segment. Of an infraspinatus a point goes round by 0.001 mm.
-CYCLE, RATTLE = 12, 1e-3
-
 #: Earlier points whose gradients improve a step: with 2 a tenth fewer steps are taken than with none, and
 #: half as many where fibres are about to snap; 4 gain nothing more.
 SECANTS = 2
@@ -208,7 +203,6 @@ class SheetPose:
         longest = LARGEST_STEP * segment
         before: list[tuple[Floats, Floats, Floats]] = []
         slopes: deque[float] = deque(maxlen=4)
-        recent: deque[Floats] = deque(maxlen=CYCLE)
         self.look_at(x)
         for number in range(ITERATIONS):
             plain = slope = self.step()
@@ -225,10 +219,7 @@ class SheetPose:
                 if after <= -_RISE * slope or number < _WHOLE_STEPS:
                     break
                 part *= max(0.1, min(0.7, slope / (slope - after)))
-            recent.append(x)
             x = self.x
-            if number >= 2 * CYCLE and goes_round(x, recent, RATTLE * segment):
-                return True
             if number >= _WHOLE_STEPS and farthest_of(x - start) > reach:
                 return False
             if self.hold(self.points):
@@ -361,12 +352,6 @@ def _rate(slopes: Sequence[float]) -> float:
     else:
         squares = [math.sqrt(slopes[k + 2] / slopes[k]) for k in range(len(slopes) - 2)]
     return min(math.sqrt(max(squares)), SLOWEST)
-
-
-def goes_round(x: Floats, recent: Sequence[Floats], rattle: float) -> bool:
-    """Return whether x comes back to an earlier position, and all recent ones are within ``rattle`` [mm]."""
-    away = [farthest_of(x - earlier) for earlier in recent]
-    return max(away) <= rattle and min(away[:-1]) <= 0.1 * max(away)
 
 
 def accelerated(
