@@ -212,7 +212,7 @@ class MuscleTrack:
     muscle has none. Lengths of paths and of fibres are (k,) per frame [mm], ``rest_lengths`` (k,) those of
     paths at rest, ``segment_errors`` those of mean path lengths; a muscle on a single bone has no paths.
     ``report`` is the muscle's part of the report, JSON-able, and ``failure`` the frame and time of a failure,
-    and the reason.
+    and the reason. ``arms`` keeps what a result has found by the coordinates that were asked for.
     """
 
     rest: vtkPolyData | None = None
@@ -225,6 +225,7 @@ class MuscleTrack:
     segment_errors: list[float] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
     failure: tuple[int, float, Exception] | None = None
+    arms: dict[tuple[str, ...], Any] = field(default_factory=dict)
     _numbers: list[FibreNumbers] = field(default_factory=list)
 
     @property

@@ -241,10 +241,12 @@ class ResultData(ByName):
                 continue
             try:
                 track, scale = self.track(name), MILLIMETRES[self.units]
-                levers, ratios = track.levers(), track.ratios
-                arms[name], without = joint_arms(
-                    lengths, levers, motion, wanted, crossed=crossed, ratios=ratios, millimetres=scale
-                )
+                if coordinates not in track.arms:
+                    levers, ratios = track.levers(), track.ratios
+                    track.arms[coordinates] = joint_arms(
+                        lengths, levers, motion, wanted, crossed=crossed, ratios=ratios, millimetres=scale
+                    )
+                arms[name], without = track.arms[coordinates]
             except InputError as error:  # of this muscle alone, where others cross other coordinates
                 problems.append(error)
                 without = dict.fromkeys(crossed or among, str(error))
