@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -43,9 +43,9 @@ ITERATIONS = 300
 #: half as many where fibres are about to snap; 4 gain nothing more.
 SECANTS = 2
 
-#: Ratio of the energies of steps before there are two, and the largest ratio of steps that is reckoned with:
+#: Ratio of steps before there are two, and the largest ratio of steps that is reckoned with:
 #: steps that are rounding have any ratio.
-_FIRST_RATIO, SLOWEST = 0.5, 0.999
+_FIRST_RATIO, SLOWEST = 0.7, 0.999
 
 #: A step of Newton's method takes no point farther than this, in segments.
 LARGEST_STEP = 2.0
@@ -230,7 +230,7 @@ class SheetPose:
             if part < 1.0:
                 before = []
             slopes.append(plain)
-            rate, energy = _rate(slopes), -min(list(slopes)[-2:])
+            rate, energy = _rate(list(slopes))
             if energy * (rate / (1.0 - rate)) ** 2 < enough:
                 return True
         return False
@@ -341,17 +341,18 @@ class SheetPose:
         return together
 
 
-def _rate(slopes: Sequence[float]) -> float:
-    """Return the ratio of coming steps to those before, from slopes: squares of steps, as a geometric series.
+def _rate(slopes: Sequence[float]) -> tuple[float, float]:
+    """Return the ratio of coming steps to those before, and the square of the last, as a geometric series.
 
-    The larger of the last two ratios counts, each the mean of two steps, for long and short steps may take
-    turns.
+    Slopes are minus squares of steps. The larger of the last two ratios counts; where long and short steps
+    take turns, the mean of two steps, from the longer.
     """
-    if len(slopes) < 3:
-        squares = [slopes[1] / slopes[0] if len(slopes) == 2 else _FIRST_RATIO]
-    else:
-        squares = [math.sqrt(slopes[k + 2] / slopes[k]) for k in range(len(slopes) - 2)]
-    return min(math.sqrt(max(squares)), SLOWEST)
+    last = slopes[-3:]
+    rate = max((math.sqrt(after / before) for before, after in pairwise(last)), default=_FIRST_RATIO)
+    if rate < 1.0 or len(slopes) < 4:
+        return min(rate, SLOWEST), -slopes[-1]
+    two = max(slopes[2] / slopes[0], slopes[3] / slopes[1])
+    return min(two**0.25, SLOWEST), -min(slopes[-2:])
 
 
 def accelerated(
