@@ -125,7 +125,7 @@ def wait_for_end(processes):
 @pytest.mark.slow
 def test_ctrl_c_ends_all_processes(scene, tmp_path):
     """As a terminal does it: every process of the group gets the signal."""
-    slow = hinge("lower", (0, -15, 0), (1, 0, 0), [20.0 * i / 200 for i in range(201)])
+    slow = hinge("lower", (0, -15, 0), (1, 0, 0), [20.0 * i / 1000 for i in range(1001)])
     path = replace(scene, motion=slow, files={}).save(tmp_path / "scene")
     command = [sys.executable, "-m", "vtkmuscle", "run", str(path), "--out", str(tmp_path / "out")]
     program = subprocess.Popen(

@@ -226,8 +226,7 @@ def _solve(
         if pool is None:
             others: list[MuscleRun] = []
             jobs = {here.submit(_solve_here, run, name, others): name for name in names}
-        if run.store is not None:
-            run.store.write_bones(run.scene)
+        bones = None if run.store is None else here.submit(run.store.write_bones, run.scene)
         waiting = set(jobs)
         while waiting:
             done, waiting = wait(waiting, timeout=_LOOK_UP, return_when=FIRST_COMPLETED)
@@ -238,6 +237,10 @@ def _solve(
                 track = tracks[name] = track_in(found) if isinstance(found, Path) else found
                 report["muscles"][name] = track.report
                 finish(name, track)
+        while bones is not None and not bones.done():
+            wait([bones], timeout=_LOOK_UP)
+        if bones is not None:
+            bones.result()
     finally:
         run.stop.set()
         here.shutdown(cancel_futures=True)

@@ -45,7 +45,7 @@ SECANTS = 2
 
 #: Ratio of steps before there are two, and the largest ratio of steps that is reckoned with:
 #: steps that are rounding have any ratio.
-_FIRST_RATIO, SLOWEST = 0.7, 0.999
+_FIRST_RATIO, SLOWEST = 0.5**0.5, 0.999
 
 #: A step of Newton's method takes no point farther than this, in segments.
 LARGEST_STEP = 2.0
@@ -225,7 +225,6 @@ class SheetPose:
             if self.hold(self.points):
                 self.look_at(x)
                 before = []
-                slopes.clear()
                 continue
             if part < 1.0:
                 before = []
@@ -347,8 +346,8 @@ def _rate(slopes: Sequence[float]) -> tuple[float, float]:
     Slopes are minus squares of steps. The larger of the last two ratios counts; where long and short steps
     take turns, the mean of two steps, from the longer.
     """
-    last = slopes[-3:]
-    rate = max((math.sqrt(after / before) for before, after in pairwise(last)), default=_FIRST_RATIO)
+    ratios = [_FIRST_RATIO, *(math.sqrt(after / before) for before, after in pairwise(slopes))]
+    rate = max(ratios[-2:])
     if rate < 1.0 or len(slopes) < 4:
         return min(rate, SLOWEST), -slopes[-1]
     two = max(slopes[2] / slopes[0], slopes[3] / slopes[1])
