@@ -4,7 +4,7 @@
 
 The law is :func:`vtkmuscle.core.fibres.measures.mean_errors`. The coefficient of the model's part is the
 least that covers 95 % of the poses of each phantom of ``how_right.py`` without via rings. Each of these
-phantoms is tried with the coefficient of all others, the phantoms of ``tests/phantoms/held_out.py`` with the
+phantoms is tried with the coefficient of all others, the phantoms of ``benchmarks/held_out.py`` with the
 package's. docs/validation/how_right.rst shows the tables.
 """
 
@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from held_out import held_out
 from how_right import N_FIBRES, Floats, Known, Table, _by_angle, _by_coordinate, known_phantoms, phantoms
 from scipy.interpolate import CubicSpline
 
@@ -65,7 +66,7 @@ class Stated:
 
 def held_out_phantoms() -> Iterator[Known]:
     """Yield the phantoms that decided nothing, each while its sizes hold."""
-    for name, phantom, coordinate in phantoms.held_out():
+    for name, phantom, coordinate in held_out():
         if coordinate is not None:
             number = list(phantom.known["coordinates"]).index(coordinate)
             make = getattr(phantoms, phantom.name)

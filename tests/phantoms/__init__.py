@@ -11,7 +11,6 @@ from leg import leg
 from phantoms.ball_spindle import spindle_over_ball
 from phantoms.brim_flexor import flexor_over_brim
 from phantoms.fibre_blocks import block_sheets, fibre_block
-from phantoms.held_out import held_out
 from phantoms.label_maps import label_map
 from phantoms.lifting_strap import lifting_strap
 from phantoms.pulleys import (
@@ -32,7 +31,6 @@ __all__ = [
     "broad_origin",
     "fibre_block",
     "flexor_over_brim",
-    "held_out",
     "hip",
     "label_map",
     "leg",

@@ -168,7 +168,8 @@ def test_moment_arms_on_the_cards_are_those_of_the_frame(page, run_folder):
         choose(page, "time", position)
         said = page.value("document.querySelector('[data-arm]').textContent").replace("\u2212", "-")
         assert float(said.split()[0]) == pytest.approx(arms.mean[position], abs=0.06)
-        assert said.endswith(f"at {arms.values[position]:.1f} deg")
+        error = arms.errors["total"][position]
+        assert said.endswith(f" mm at {arms.values[position]:.1f} deg, error {error:.1f} mm")
     choose(page, "time", 0)
 
 

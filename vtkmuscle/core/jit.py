@@ -139,8 +139,8 @@ class KernelCache:
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Return a signature's machine code, None without a usable file."""
+        target.refresh()
         try:
-            numba.core.runtime.rtsys.initialize(target)  # a whole refresh takes 0.35 s, for compiling alone
             content = pickle.loads(self._file(signature, target.codegen()).read_bytes())
             return numba.core.compiler.CompileResult._rebuild(target, *content)
         except AttributeError as error:

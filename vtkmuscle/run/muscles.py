@@ -89,10 +89,12 @@ class MuscleRun:
 
     def go(self) -> None:
         """Run all stages; a stopped run raises an AbortedError and keeps its complete frames."""
+        scene, track, last = self.scene, self.track, self.run.numbers[-1] + 1
+        areas = scene.muscles[self.name].attachments
+        track.report["via_rings"] = sum(area.role == VIA for area in areas)
         if self.run.only is not None:
             self._compute_only(self.run.only)
             return
-        scene, track, last = self.scene, self.track, self.run.numbers[-1] + 1
         neighbours = self._deformers() if scene.muscle_contact == "on" else None
         pipeline = muscle_pipeline(scene, self.name, neighbours=neighbours)
         self.deformer = pipeline.deformer
@@ -104,13 +106,11 @@ class MuscleRun:
         _warn_if_none_is_free(self.name, rest)
         with self._timed("measuring"):
             measure = MuscleMeasure(rest, list(scene.bones), self.run.bones, scene.millimetres)
-        areas = scene.muscles[self.name].attachments
         confidence = [area.confidence for area in areas if area.confidence is not None]
         track.report |= {
             **measure.at_rest(),
             "estimated_attachments": sum(area.estimated for area in areas),
             "attachment_confidence": min(confidence, default=None),
-            "via_rings": sum(area.role == VIA for area in areas),
         }
         if pipeline.fibres is not None:
             self._fill(rest, pipeline.fibres, measure)
@@ -132,12 +132,8 @@ class MuscleRun:
     def _compute_only(self, output: str) -> None:
         """Compute the lengths, moment arms or surfaces of all frames alone."""
         pipeline, track, last = muscle_pipeline(self.scene, self.name), self.track, self.run.numbers[-1] + 1
-        taut, deformer, areas = (
-            pipeline.taut_paths,
-            pipeline.deformer,
-            self.scene.muscles[self.name].attachments,
-        )
-        track.report |= {"frames": [], "via_rings": sum(area.role == VIA for area in areas)}
+        taut, deformer = pipeline.taut_paths, pipeline.deformer
+        track.report["frames"] = []
         if taut is not None:
             taut.levers = output == "moment_arms"
         for number in self.run.numbers:

@@ -226,21 +226,20 @@ def _solve(
         if pool is None:
             others: list[MuscleRun] = []
             jobs = {here.submit(_solve_here, run, name, others): name for name in names}
-        bones = None if run.store is None else here.submit(run.store.write_bones, run.scene)
-        waiting = set(jobs)
+        waiting: set[Future[Any]] = set(jobs)
+        if run.store is not None:
+            waiting.add(here.submit(run.store.write_bones, run.scene))
         while waiting:
             done, waiting = wait(waiting, timeout=_LOOK_UP, return_when=FIRST_COMPLETED)
             if pool is not None:
                 pool.pass_on(run.options)
-            for job in sorted(done, key=lambda job: names.index(jobs[job])):
+            for job in done.difference(jobs):
+                job.result()  # of the bones
+            for job in sorted(done.intersection(jobs), key=lambda job: names.index(jobs[job])):
                 found = _outcome(job, name := jobs[job], run.scene)
                 track = tracks[name] = track_in(found) if isinstance(found, Path) else found
                 report["muscles"][name] = track.report
                 finish(name, track)
-        while bones is not None and not bones.done():
-            wait([bones], timeout=_LOOK_UP)
-        if bones is not None:
-            bones.result()
     finally:
         run.stop.set()
         here.shutdown(cancel_futures=True)

@@ -12,11 +12,15 @@ from phantom_paths import (
     HINGES,
     angles,
     known_paths,
+    strung_muscle,
     strung_phantom,
     turned,
 )
 
+from vtkmuscle import Scene
+from vtkmuscle.core.motion.blending import screws
 from vtkmuscle.core.motion.coordinates import twist_about
+from vtkmuscle.core.motion.rigid import inverse
 
 #: Lengths, and the rms of levers of paths, differ by no more than this [mm].
 LENGTHS, LEVERS = 0.02, 0.05
@@ -73,3 +77,49 @@ def test_two_joints_may_go_straight_or_back():
     twists[:, [made.names.index(name) for name in ("middle", "distal")]] = twist_about((0, 0, 0), AXIS)
     found = differences(known_paths("strap_over_two_joints"), poses, twists, range(0, len(poses), 6))
     assert np.less(found, [(0.03, 0.15), (0.03, 0.5)]).all(), found
+
+
+def twists_along(poses, bone, values):
+    """Return the twists of a bone (k, b, 6) by a coordinate with some values at poses (k, b, 4, 4)."""
+    twists = np.zeros((*poses.shape[:2], 6))
+    before, after = np.roll(np.arange(len(poses)), 1), np.roll(np.arange(len(poses)), -1)
+    before[0], after[-1] = 0, len(poses) - 1
+    moves = [b @ inverse(a) for a, b in zip(poses[before, bone], poses[after, bone], strict=True)]
+    twists[:, bone] = screws(np.array(moves)) / (values[after] - values[before])[:, None]
+    return twists
+
+
+@pytest.fixture(scope="module")
+def hip_scene(lhdl_hip):
+    return Scene.load(lhdl_hip / "scene.toml")
+
+
+def flexed_hip(scene, name):
+    """Return the paths of a muscle, its bones' poses (k, b, 4, 4), and their twists by flexion."""
+    made = strung_muscle(
+        scene.muscles[name].surface,
+        scene.bones_data(),
+        scene.attachments_data(name),
+        fibres=scene.muscles[name].fibres or {},
+        **scene.fixing_of(name),
+    )
+    poses = made.poses(scene.motion)
+    values = np.radians(np.array(scene.motion.times))
+    return made.pulled(), poses, twists_along(poses, made.names.index("femur_r"), values)
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize(
+    ("name", "straight", "back"),
+    [
+        ("gluteus_medius", (LENGTHS, LEVERS), (LENGTHS, 0.1)),
+        ("gluteus_maximus", (0.16, 0.2), (LENGTHS, LEVERS)),
+        pytest.param("iliacus", (LENGTHS, LEVERS), (LENGTHS, LEVERS), marks=pytest.mark.long),
+        pytest.param("adductor_brevis", (0.5, 1.0), (4.0, 5.0), marks=pytest.mark.long),
+    ],
+)
+@pytest.mark.slow
+def test_a_real_hip_may_be_flexed_straight_and_go_back(hip_scene, name, straight, back):
+    paths, poses, twists = flexed_hip(hip_scene, name)
+    found = differences(paths, poses, twists, (10, 20, 30, 45))
+    assert np.less(found, [straight, back]).all(), found

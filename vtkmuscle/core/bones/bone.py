@@ -299,7 +299,7 @@ def _look_up(
     outward: Floats,
     work: Floats,
 ) -> None:
-    """Do the work of :meth:`Bone.field`. lacks : (n,), points in unknown blocks;  work : (2, 3), memory."""
+    """Do the work of :meth:`Bone.field`. lacks : (n,), points with unknown nodes;  work : (2, 3), memory."""
     at, normal = work[0], work[1]
     for i in range(len(points)):
         if not lacks[i]:
@@ -321,7 +321,7 @@ def _look_up(
 
 @kernel
 def _find_outside(field: Field, axes: Floats, points: Floats, outside: Bools, at: Floats) -> None:
-    """Write the points that the overview, or the known part of the field, has outside; at : (3,), memory."""
+    """Write which points coarse nodes, or known nodes around, have outside; at : (3,), memory."""
     for i in range(len(points)):
         transform_point(axes, points, i, at)
         before, noted = field.lacking[0], field.lacking[1]

@@ -189,8 +189,8 @@ def _keep_out(
     """Do the work of :meth:`PoseContact.keep_out` for a bone.
 
     seen_at, squares : (n, 3), (n,), position of a point's look-up, and the square of the distance that the
-    point may go from there;  waiting : (n,), changed in place: points to look up, afterwards the points in
-    unknown blocks; work : (2, 3), memory.
+    point may go from there;  waiting : (n,), changed in place: points to look up, afterwards the points with
+    unknown nodes; work : (2, 3), memory.
     """
     at, normal = work[0], work[1]
     margin = field.cell + clearance  # a cell, for what the interpolation between nodes can be wrong by

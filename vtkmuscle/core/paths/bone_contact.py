@@ -45,7 +45,7 @@ class Proximity(NamedTuple):
     gaps : (b, p) array
         Lower bounds of the distances from each bone beyond the standoff [mm].
     normals : (b, p, 3) array
-        Current unit directions in which the gaps grow; valid for points near a bone.
+        Slopes of the gaps, shorter than 1 in a crease; valid for points near a bone.
     """
 
     to_axes: Floats

@@ -39,7 +39,6 @@ class Algorithm(VTKPythonAlgorithmBase):
         self._progress_reached = 0.0
         #: By port: data, state of the data, and the argument of ``execute``.
         self._arguments: dict[int, tuple[Any, Any, Any]] = {}
-        #: State of filter and inputs, and the array of provenance.
         super().__init__(nInputPorts=len(self.input_ports), nOutputPorts=len(self.output_ports))
         self.GetExecutive().AddObserver("ErrorEvent", show_error)
 

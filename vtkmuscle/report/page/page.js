@@ -169,7 +169,10 @@ function tellArms(curves, position) {
     const axis = curves.coordinates.find((one) => one.name === coordinate);
     const k = nearest(found.values, axis.values[position]);
     const mean = found.mean[k].toFixed(1).replace("-", "\u2212");
-    place.textContent = `${mean} ${axis.of === "1" ? "" : "mm "}at ${found.values[k].toFixed(1)} ${axis.unit}`;
+    const unit = axis.of === "1" ? "" : " mm";
+    const error = (found.held[1][k] - found.held[0][k]) / 2;
+    const words = found.held[0][k] === null ? "" : `, error ${error.toFixed(1)}${unit}`;
+    place.textContent = `${mean}${unit} at ${found.values[k].toFixed(1)} ${axis.unit}${words}`;
   }
 }
 

@@ -9,12 +9,13 @@ from types import ModuleType
 from typing import Any
 from unittest.mock import patch
 
+import how_right  # noqa: F401 -- finds the phantoms of the tests
 import numpy as np
-from scipy.spatial import ConvexHull
-
 from phantoms import pulleys
 from phantoms.cords import cord
 from phantoms.straps import block, end_ring, round_ring, strap
+from scipy.spatial import ConvexHull
+
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms import Phantom, one_hinge, spindle_over_hinge, wrapping_cylinder
@@ -24,16 +25,14 @@ from vtkmuscle.phantoms.phantom import ends, phantom_from
 
 brim, lifting, ring, sliver, spindle, two_joints = (
     import_module(f"phantoms.{name}")
-    for name in (
-        *(
-            "brim_flexor",
-            "lifting_strap",
-            "ring_tendon",
-            "slivered_tendon",
-            "ball_spindle",
-            "two_joint_strap",
-        ),
-    )
+    for name in [
+        "brim_flexor",
+        "lifting_strap",
+        "ring_tendon",
+        "slivered_tendon",
+        "ball_spindle",
+        "two_joint_strap",
+    ]
 )
 #: Arms of two joints with rollers of 14 and 26 mm under a strap of 12 mm.
 ARMS = (20.0, 32.0)
