@@ -228,7 +228,7 @@ def _solve(
             jobs = {here.submit(_solve_here, run, name, others): name for name in names}
         waiting: set[Future[Any]] = set(jobs)
         if run.store is not None:
-            waiting.add(here.submit(run.store.write_bones, run.scene))
+            waiting.add(here.submit(run.store.write_bones, run.scene, run.stop))
         while waiting:
             done, waiting = wait(waiting, timeout=_LOOK_UP, return_when=FIRST_COMPLETED)
             if pool is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import threading
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -212,8 +213,8 @@ class ResultWriter(ResultFolder):
         )
         write_note(self.note_file(name), note)
 
-    def write_bones(self, scene: SceneData) -> None:
-        """Write the bones over time; a bone at rest throughout is written once."""
+    def write_bones(self, scene: SceneData, stop: threading.Event) -> None:
+        """Write the bones over time until ``stop``; a bone at rest throughout is written once."""
         folder, mover = self.path / "bones", BoneMotion(motion=scene.motion)
         mover.connect(0, scene.bones_data())
         collection = Pvd(self.path / "bones.pvd")
@@ -223,6 +224,8 @@ class ResultWriter(ResultFolder):
             if name in still:
                 write_polydata(still[name], self._stamped(bone))
         for number in self._numbers:
+            if stop.is_set():
+                return
             time = float(scene.motion.times[number])
             parts = {}
             for name, bone in blocks_of(mover.update(time=time).output):
