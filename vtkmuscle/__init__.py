@@ -16,8 +16,6 @@ from typing import Any
 
 import lazy_loader
 
-from vtkmuscle.core.words import suggestion
-
 __version__ = "0.1.0"
 
 #: Names are in the stub file; the first use of a name loads its module.
@@ -28,6 +26,8 @@ __all__ += ["__version__"]
 def __getattr__(name: str) -> Any:
     if name in __all__:
         return _attribute(name)
+    from vtkmuscle.core.words import suggestion  # noqa: PLC0415 -- difflib, for unknown names alone
+
     remedy = suggestion(name, __all__)
     if not name.startswith("_") and name in _attribute("filters").__all__:
         remedy = f"it is vtkmuscle.filters.{name}"
