@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.bones.lookup import Field, distance_and_normal, distance_at, least_distance_at
+from vtkmuscle.core.bones.lookup import STEEPEST, Field, distance_and_normal, distance_at, least_distance_at
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour, distance2_to_box
+from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour
 from vtkmuscle.core.motion.rigid import inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats
 
@@ -194,7 +194,6 @@ def _keep_out(
     nodes;  work : (2, 3), memory.
     """
     at, normal = work[0], work[1]
-    margin = field.cell + clearance  # a cell, for what the interpolation between nodes can be wrong by
     for i in range(len(p)):
         waiting[i] = False
         if not wanted[i]:
@@ -204,10 +203,8 @@ def _keep_out(
             continue
         before = field.lacking[0]
         transform_point(to_axes, p, i, at)
-        distance = np.sqrt(distance2_to_box(field.box, at[0], at[1], at[2]))
-        if distance <= margin:  # the overview tells of what is not near the surface
-            distance = least_distance_at(field, at[0], at[1], at[2])
-        if distance <= margin:
+        distance = least_distance_at(field, at[0], at[1], at[2], clearance)
+        if distance <= clearance:
             distance = distance_at(field, at[0], at[1], at[2])
         deep = levels[i] - distance > TOLERANCE * field.cell  # not where it is unknown, NaN
         if deep:
@@ -215,7 +212,7 @@ def _keep_out(
         waiting[i] = field.lacking[0] > before
         if waiting[i]:
             continue
-        room = max(distance - margin, 0.0)
+        room = max(distance - clearance, 0.0) / STEEPEST
         squares[i] = room * room
         for k in range(3):
             seen_at[i, k] = p[i, k]
@@ -223,7 +220,7 @@ def _keep_out(
             for k in range(3):
                 p[i, k] = back[k, 0] * at[0] + back[k, 1] * at[1] + back[k, 2] * at[2] + back[k, 3]
             moved[i] = True
-    return field.lacking[0] > 0
+    return bool(field.lacking[0] > 0)
 
 
 @kernel
