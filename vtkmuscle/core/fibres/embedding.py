@@ -47,11 +47,6 @@ class EmbeddedPoints:
         self._weights: dict[int, Floats] = {}
         self._bent: TriangleTree | None = None
 
-    def same_as(self, positions: Floats, points: Floats, triangles: Ints, weight_tolerance: float) -> bool:
-        """Return whether the object was made from equal arguments."""
-        arrays = (self.positions, positions), (self.points, points), (self.triangles, triangles)
-        return self.weight_tolerance == weight_tolerance and all(np.array_equal(*pair) for pair in arrays)
-
     @cached_property
     def gap(self) -> Floats:
         """Distances (p,) from the muscle at rest [mm]; 0 inside."""

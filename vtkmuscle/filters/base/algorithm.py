@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from typing import Any, ClassVar
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, TypeVar
 
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSet
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkDemandDrivenPipeline, vtkExecutive
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.shared import same_content
 from vtkmuscle.data.arrays import state_of
 from vtkmuscle.data.pipeline_times import announce_times, provenance_array, requested_time, times_of
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.base.running import show_error
+
+T = TypeVar("T")
 
 
 class AbortedError(Exception):
@@ -39,6 +42,8 @@ class Algorithm(VTKPythonAlgorithmBase):
         self._progress_reached = 0.0
         #: By port: data, state of the data, and the argument of ``execute``.
         self._arguments: dict[int, tuple[Any, Any, Any]] = {}
+        #: By name: the values from which a result was made, and the result.
+        self._kept: dict[str, tuple[Any, Any]] = {}
         super().__init__(nInputPorts=len(self.input_ports), nOutputPorts=len(self.output_ports))
         self.GetExecutive().AddObserver("ErrorEvent", show_error)
 
@@ -63,6 +68,14 @@ class Algorithm(VTKPythonAlgorithmBase):
     def parameters(self) -> dict[str, Any]:
         """Return the parameters by name."""
         raise NotImplementedError
+
+    def once(self, name: str, values: tuple[Any, ...], make: Callable[..., T]) -> T:
+        """Return ``make(*values)``, kept while the values have the same content."""
+        if (kept := self._kept.pop(name, None)) is None or not same_content(kept[0], values):
+            kept = values, make(*values)
+        self._kept[name] = kept
+        result: T = kept[1]
+        return result
 
     # ---------------------------------------------------------------- progress, and what went wrong
 
