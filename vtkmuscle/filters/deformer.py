@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -41,6 +42,10 @@ PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
 )
 
 _WITH_VELOCITY = "prediction", "velocity"
+
+#: Numbers of voxels, declared alike by the filters with voxels.
+N_VOXELS = partial(Parameter[int], int, default=DEFAULT_N_MAX, minimum=1, maximum=MOST_N_EQUAL**3)
+N_VOXELS_PER_AXIS = partial(Parameter[int | None], int, default=None, minimum=1, maximum=MOST_N_EQUAL)
 
 
 def _of_solver(name: str, units: str = "", **more: Any) -> Parameter[Any]:
@@ -91,12 +96,8 @@ class DeformerSettings:
     volume_stiffness = _of_solver("volume_stiffness", minimum=0.0, maximum=1.0)
     collision = Parameter(str, default="sdf", choices=("sdf", "voxel", "off"))
     bone_clearance = Parameter(float, default=0.0, minimum=0.0, units="mm", only_with=("collision", "sdf"))
-    n_voxels = Parameter(
-        int, default=DEFAULT_N_MAX, minimum=1, maximum=MOST_N_EQUAL**3, only_with=("collision", "voxel")
-    )
-    n_voxels_per_axis: Parameter[int | None] = Parameter(
-        int, default=None, minimum=1, maximum=MOST_N_EQUAL, only_with=("collision", "voxel")
-    )
+    n_voxels = N_VOXELS(only_with=("collision", "voxel"))
+    n_voxels_per_axis: Parameter[int | None] = N_VOXELS_PER_AXIS(only_with=("collision", "voxel"))
     bone_push = _of_solver("bone_push", choices=("transform", "off"), only_with=("collision", "voxel"))
     dt = _of_solver("dt", "s", above=0.0, maximum=1000.0, only_with=_WITH_VELOCITY)
     velocity_kept = _of_solver("velocity_kept", minimum=0.0, maximum=1.0, only_with=_WITH_VELOCITY)

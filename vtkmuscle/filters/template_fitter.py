@@ -25,6 +25,9 @@ from vtkmuscle.data.attachments import ROLES, AttachmentArea, areas_of_role
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
+#: Field arrays with the corners of a template's areas.
+_AREAS = "OriginArea", "InsertionArea"
+
 
 class TemplateFitter(Filter):
     """Map a template's unit cube to a muscle's box.
@@ -106,7 +109,7 @@ class TemplateFitter(Filter):
         superficial: Polylines | None,
     ) -> vtkPolyData:
         """Return the fitted template."""
-        areas = _area(template.data, "OriginArea"), _area(template.data, "InsertionArea")
+        areas = _area(template.data, _AREAS[0]), _area(template.data, _AREAS[1])
         origin, insertion = (
             np.vstack([area.landmarks for area in areas_of_role(attachments, role)]) for role in ROLES
         )
@@ -124,16 +127,10 @@ class TemplateFitter(Filter):
         fits = fitted() if guide is not None else muscle.geometry.once("boxes", settings, fitted)
         least = min(fit.cost for fit in fits)
         best = next(fit for fit in fits if fit.cost <= least + TIE)
-        transform = best.transform
-        return add_arrays(
-            template.moved(apply_transform(transform, template.points)),
-            fields={
-                "OriginArea": apply_transform(transform, areas[0]),
-                "InsertionArea": apply_transform(transform, areas[1]),
-                "Transform": transform.reshape(16),
-                "FitError": best.error,
-            },
-        )
+        fields = {"Transform": best.transform.reshape(16), "FitError": best.error}
+        for name, area in zip(_AREAS, areas, strict=True):
+            fields[name] = apply_transform(best.transform, area)
+        return add_arrays(template.moved(apply_transform(best.transform, template.points)), fields=fields)
 
     def _axes(self, points: Floats, origin: Floats, insertion: Floats) -> list[Floats]:
         """Return the axes to try, (3,) each."""

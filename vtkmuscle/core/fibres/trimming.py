@@ -59,9 +59,7 @@ def trim_fibres(
     *,
     axis: Floats,
     areas: tuple[EndArea, EndArea],
-    into_muscle: FloatMap,
-    tolerance: float,
-    largest_cut: float,
+    limits: tuple[FloatMap, float, float],
 ) -> Floats:
     """Return fibres (n, 3) from area to area. The number of points is kept.
 
@@ -76,18 +74,16 @@ def trim_fibres(
         two or more points, and n;
     axis : (3,), unit vector from origin to insertion;
     areas : EndArea, EndArea, areas of the origin and of the insertion;
-    into_muscle : callable, from points (j, 3) to the nearest points (j, 3) of the muscle; inner points stay
-        [mm];
-    tolerance : largest distance of a new segment outside the muscle [mm];
-    largest_cut : largest part of a fibre's length cut off at either end, at most 0.5.
+    limits : map from points (j, 3) to the nearest points (j, 3) of the muscle, where inner points stay [mm];
+        largest distance of a new segment outside the muscle [mm]; largest part of a fibre's length cut off at
+        either end, at most 0.5.
     """
     backwards = points[np.repeat(offsets[:-1] + offsets[1:] - 1, np.diff(offsets)) - np.arange(offsets[-1])]
-    limits = into_muscle, tolerance, largest_cut
     starts = _new_ends(backwards, offsets, -axis, areas[0], limits)
     ends = _new_ends(points, offsets, axis, areas[1], limits)
     result = _replaced_ends(points, offsets, starts, ends)
     inner = inner_points(offsets)
-    result[inner] = into_muscle(result[inner])
+    result[inner] = limits[0](result[inner])
     return result
 
 

@@ -172,13 +172,12 @@ class Algorithm(VTKPythonAlgorithmBase):
         """Execute, and publish the result."""
         self._failure = None
         self._progress_reached = 0.0
-        self.request_time = requested_time(outInfo.GetInformationObject(_port_asked(request)))
+        asked = max(int(request.Get(vtkExecutive.FROM_OUTPUT_PORT())), 0)
+        self.request_time = requested_time(outInfo.GetInformationObject(asked))
         # Filters without progress reports stop here after a request to abort.
         self.report_progress(0.0)
-        inputs = [
-            info and info.Get(vtkDataObject.DATA_OBJECT())  # None for an open port
-            for info in _first_of_each(inInfo)
-        ]
+        # None for an open port.
+        inputs = [info and info.Get(vtkDataObject.DATA_OBJECT()) for info in _first_of_each(inInfo)]
         try:
             result = self.execute(*map(self._argument, range(len(inputs)), inputs))
         except InputError as error:
@@ -216,11 +215,6 @@ class Algorithm(VTKPythonAlgorithmBase):
             output.GetFieldData().AddArray(provenance)
             if self.request_time is not None:
                 output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), self.request_time)
-
-
-def _port_asked(request: Any) -> int:
-    """Return the number of the requested output."""
-    return max(int(request.Get(vtkExecutive.FROM_OUTPUT_PORT())), 0)
 
 
 def _first_of_each(inInfo: Any) -> list[Any]:
