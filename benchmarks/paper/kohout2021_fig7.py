@@ -88,7 +88,9 @@ def once_per_step(case: Case, iterations: int, settings: dict[str, Any]) -> Trac
     for angle in flexions(case):
         moves: list[float] = []
         try:
-            with recorded(moves, lambda: points_of(chain.deformer.output) - chain.deformer._solver.centre):
+            with recorded(
+                moves, lambda: points_of(chain.deformer.output) - chain.deformer._kept["solver"][1][0].centre
+            ):
                 muscle = chain.at(angle)
         except ValueError:  # the muscle left the range of numbers: that is what is looked for
             longest = None

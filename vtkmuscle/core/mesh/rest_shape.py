@@ -50,22 +50,23 @@ def volume_and_gradient(p: Floats, triangles: Ints, gradient: Floats) -> float:
 
 @vector_kernel
 def project_volume(
-    p: Floats, w: Floats, triangles: Ints, rest: float, floor: float, gradient: Floats
-) -> float:
+    p: Floats, w: Floats, shares: Floats, triangles: Ints, rest: float, stiffness: float, floor: float,
+    gradient: Floats,
+) -> float:  # fmt: skip
     """Move points to the rest volume; return the volume before. To first order.
 
-    p_i -= w_i (V - V0) g_i / sum_j w_j |g_j|^2 (Müller, Heidelberger, Hennix, Ratcliff 2007, *Position based
-    dynamics*, doi:10.1016/j.jvcir.2007.01.005, eq. 6-8). p : (n, 3), changed in place;  w : (n,) inverse
-    masses, 1 free, 0 fixed;  rest : V0 [mm^3]; floor : least denominator [mm^4];  gradient : (n, 3) working
-    memory.
+    p_i -= k w_i (V - V0) g_i / sum_j s_j |g_j|^2 (Müller, Heidelberger, Hennix, Ratcliff 2007, *Position
+    based dynamics*, doi:10.1016/j.jvcir.2007.01.005, eq. 6-8, with the shares s = w). p : (n, 3), changed in
+    place;  w, shares : (n,) inverse masses, 1 free, 0 fixed;  rest : V0 [mm^3]; stiffness : k, 0 to 1; floor
+    : least denominator [mm^4];  gradient : (n, 3) working memory.
     """
     volume = volume_and_gradient(p, triangles, gradient)
-    weighted = 0.0
+    squares = 0.0
     for i in range(len(p)):
         x, y, z = gradient[i, 0], gradient[i, 1], gradient[i, 2]
-        weighted += w[i] * (x * x + y * y + z * z)
-    if weighted > 0.0:
-        s = (volume - rest) / max(weighted, floor)
+        squares += shares[i] * (x * x + y * y + z * z)
+    if squares > 0.0:
+        s = stiffness * (volume - rest) / max(squares, floor)
         for i in range(len(p)):
             for axis in range(3):
                 p[i, axis] -= s * w[i] * gradient[i, axis]

@@ -17,6 +17,7 @@ from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import nearest_rotations
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.pbd.solver import PBDSolver, Progress, State
+from vtkmuscle.core.skinning.skinning import falling_weights
 from vtkmuscle.core.types import Floats, Ints
 
 #: Coarse points that take a fine point along. With eight, an iliacus solved with an iteration has 16 folded
@@ -67,10 +68,8 @@ class TwoLevels:
         rest, coarse, topology = fine.shape.points, solver.shape.points, solver.shape.topology
         self._coarse = coarse
         apart, carriers = cKDTree(coarse).query(rest, k=range(1, min(CARRIERS, len(coarse)) + 1))
-        # Gaussian, and 0 at the last, so that nothing jumps where another comes to be the last.
-        falls = np.exp(-0.5 * (2.0 * apart / np.maximum(apart[:, -1:], np.finfo(float).tiny)) ** 2)
-        falls -= falls[:, -1:] * (1.0 - 1e-9)
-        parts, starts = falls / falls.sum(axis=1, keepdims=True), np.arange(len(rest) + 1) * falls.shape[1]
+        parts = falling_weights(apart, np.finfo(float).tiny)
+        starts = np.arange(len(rest) + 1) * parts.shape[1]
         self._parts = csr_array((parts.ravel(), carriers.ravel(), starts), (len(rest), len(coarse)))
         ring = csr_array(abs(cotangent_laplacian(coarse, topology.triangles)) > 0.0)
         rings = csr_array((ring @ ring).astype(np.bool_))

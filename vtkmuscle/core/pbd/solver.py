@@ -22,12 +22,12 @@ from vtkmuscle.core.bones.contact import BoneContact
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
-from vtkmuscle.core.mesh.rest_shape import RestShape
+from vtkmuscle.core.mesh.rest_shape import RestShape, project_volume
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import blend_motions, screws_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverses
 from vtkmuscle.core.pbd.anisotropy import edge_stiffness, fibre_directions_at, harmonic_directions
-from vtkmuscle.core.pbd.sweep import WIDTH, edge_rows, project_edges, project_volume
+from vtkmuscle.core.pbd.sweep import WIDTH, edge_rows, project_edges
 from vtkmuscle.core.pbd.voxels import VoxelContact
 from vtkmuscle.core.skinning.settling import Volume
 from vtkmuscle.core.types import Bools, Floats
@@ -222,7 +222,9 @@ class PBDSolver:
         lengths = shape.lengths, stiffness
         #: The edges in the order in which they are solved.
         self.rows = edge_rows(quads, self._mass, *lengths, angles, angle_stiffness)
-        self._volume = topology.triangles, shape.volume, parameters.volume_stiffness, np.empty_like(self.rest)
+        # Eq. 1 divides by the gradients of all points.
+        volume = topology.triangles, shape.volume, parameters.volume_stiffness, 0.0
+        self._volume = self._mass, np.ones(len(points)), *volume, np.empty_like(self.rest)
         self._exact = Volume(shape, free)
         self._buffer = np.empty(12 * WIDTH)
         self._as_carried: Floats | None = None  # constants of the edges, with their lengths in a pose
@@ -315,12 +317,10 @@ class PBDSolver:
         settings, met = self.parameters, np.zeros(len(p) - 1, dtype=np.bool_)
         rows, signed, buffer = (self.rows.points, constants), settings.signed_angles, self._buffer
         for iteration in range(settings.iterations):
-            if settings.order == "edge":
-                project_edges(p, *rows, True, True, signed, buffer)
-                project_volume(p, self._mass, *self._volume)
-            else:
-                project_edges(p, *rows, True, False, signed, buffer)
-                project_volume(p, self._mass, *self._volume)
+            by_edge = settings.order == "edge"
+            project_edges(p, *rows, True, by_edge, signed, buffer)
+            project_volume(p[:-1], *self._volume)
+            if not by_edge:
                 project_edges(p, *rows, False, True, signed, buffer)
             met |= keep_out(p[:-1])
             progress((iteration + 1) / settings.iterations)

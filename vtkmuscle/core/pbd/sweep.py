@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel, lane, vector_kernel
-from vtkmuscle.core.mesh.rest_shape import edge_geometry, volume_and_gradient
+from vtkmuscle.core.mesh.rest_shape import edge_geometry
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Edges of a row: two vectors of eight numbers, or four of four.
@@ -261,25 +261,3 @@ def turn_from(sine: float, cosine: float, square: float, cosine0: float, sine0: 
     turn = 2.0 * x * value
     beyond = (math.pi if across >= 0.0 else -math.pi) - turn
     return turn if along >= 0.0 else beyond
-
-
-@vector_kernel
-def project_volume(
-    p: Floats, w: Floats, triangles: Ints, rest: float, stiffness: float, gradient: Floats
-) -> None:
-    """Project the volume constraint, eq. 4 and 5, in place.
-
-    p : (n + 1, 3) positions [mm], the last a finite placeholder for missing points;  w : (n,) 1 for moveable
-    points, 0 for fixed points;  triangles : (m, 3) of a closed surface;  rest : the surface's volume at rest
-    [mm^3]; gradient : (n, 3), memory.
-    """
-    volume = volume_and_gradient(p[: len(w)], triangles, gradient)
-    squares = 0.0
-    for i in range(len(w)):
-        for axis in range(3):
-            squares += gradient[i, axis] * gradient[i, axis]
-    if squares > 0.0:
-        s = stiffness * (volume - rest) / squares
-        for i in range(len(w)):
-            for axis in range(3):
-                p[i, axis] -= s * w[i] * gradient[i, axis]

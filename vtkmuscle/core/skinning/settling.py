@@ -61,7 +61,8 @@ class Volume:
         Points (n, 3) that are held stay. Return the relative error of the volume before.
         """
         mass = self._mass if held is None else np.where(held, 0.0, self._mass)
-        volume = project_volume(points, mass, self._triangles, self._rest, self._floor, self._gradient)
+        rest = self._triangles, self._rest, 1.0, self._floor
+        volume = project_volume(points, mass, mass, *rest, self._gradient)
         return abs(volume / self._rest - 1.0)
 
     def finish(self, points: Floats, keep_out: Callable[[Floats], Bools]) -> Bools:
