@@ -175,15 +175,13 @@ def even_positions(areas: Sequence[Floats], count: int) -> list[Floats]:
     Lloyd's relaxation make round. The axis is turned to each area by half of the optimal map between their
     normal distributions. So similar areas have similar positions, whichever area is first.
     """
-    return [_relaxed(area, part, count) for area, part in zip(areas, halved(areas, count), strict=True)]
-
-
-def _relaxed(candidates: Floats, part: Ints, count: int) -> Floats:
-    """Return the candidates nearest to the relaxed centres of parts."""
-    centres = part_means(candidates, part, count)
-    for _ in range(RELAXATIONS):
-        centres = part_means(candidates, cKDTree(centres).query(candidates)[1], count, centres)
-    return np.asarray(candidates[cKDTree(candidates).query(centres)[1]])
+    positions = []
+    for area, part in zip(areas, halved(areas, count), strict=True):
+        centres = part_means(area, part, count)
+        for _ in range(RELAXATIONS):
+            centres = part_means(area, cKDTree(centres).query(area)[1], count, centres)
+        positions.append(area[cKDTree(area).query(centres)[1]])
+    return positions
 
 
 def halved(areas: Sequence[Floats], count: int) -> list[Ints]:

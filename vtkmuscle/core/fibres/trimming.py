@@ -157,7 +157,10 @@ def _best_cut(
     levels, least = np.zeros(len(ends), dtype=np.int64), np.full(len(ends), np.inf)
     for level in range(len(CUTS)):
         starts, segments = departures[level, open_], ends[open_] - departures[level, open_]
-        turns = np.degrees(np.arccos(np.clip(_cosines(rays[level, open_], segments), -1.0, 1.0)))
+        dots, ray = (rays[level, open_] * segments).sum(axis=1), np.linalg.norm(rays[level, open_], axis=1)
+        scale = ray * np.linalg.norm(segments, axis=1)
+        cosines = np.divide(dots, scale, out=np.ones(len(scale)), where=scale > 0)
+        turns = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
         # A segment whose turn alone is worse than the best cut needs no check against the surface.
         worth = np.where(turns <= LARGEST_TURN, turns / 180.0, turns / LARGEST_TURN) < least[open_]
         if not worth.any():
@@ -203,12 +206,6 @@ def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
     turns = np.zeros(len(points))
     turns[i] = np.degrees(np.arctan2(sines, (before * after).sum(axis=1)))
     return np.maximum.reduceat(turns, offsets[:-1])
-
-
-def _cosines(a: Floats, b: Floats) -> Floats:
-    """Return cosines (k,) of angles between vectors (k, 3). They are 1 for a vector of no length."""
-    scale = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
-    return np.asarray(np.divide((a * b).sum(axis=1), scale, out=np.ones(len(a)), where=scale > 0))
 
 
 def assign_positions(departures: Floats, positions: Floats) -> Ints:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.fixed_muscle import FixedMuscle
@@ -18,7 +17,7 @@ from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import blend_motions
 from vtkmuscle.core.paths.lines import bones_at_ends
 from vtkmuscle.core.skinning.settling import Settling
-from vtkmuscle.core.skinning.skinning import SkinnedMuscle, Skinning, SkinningWeights
+from vtkmuscle.core.skinning.skinning import SkinnedMuscle, Skinning
 from vtkmuscle.core.types import Floats
 
 
@@ -71,11 +70,13 @@ class CarriedMuscle:
         self, muscle: FixedMuscle, paths: Floats | None, bones: Mapping[int, Bone], clearance: float = 0.0
     ) -> None:
         points, fixed_to, topology = muscle.points, muscle.fixed_to, muscle.topology()
-        self._points, self._fibres = points, muscle.fibres
+        self._points, self._fibre_weights = points, None
         self._skinning = self._weights = None
         if paths is not None:
             ends, thickness = bones_at_ends(paths, points, fixed_to), mean_thickness(points, muscle.triangles)
             self._skinning = Skinning(paths, ends, points, fixed_to, thickness)
+            if muscle.fibres is not None:
+                self._fibre_weights = self._skinning.weights_of_fibres(*muscle.fibres)
         elif (fixed_to >= 0).any():
             self._weights = harmonic_weights(points, muscle.triangles, fixed_to)
         self.shape = RestShape(points, topology)
@@ -120,10 +121,5 @@ class CarriedMuscle:
         Points are (p, 3) [mm]; each fibre goes with the fibre's path.
         """
         assert pose.skinned is not None
+        assert self._fibre_weights is not None
         return pose.skinned.points(self._fibre_weights)
-
-    @cached_property
-    def _fibre_weights(self) -> SkinningWeights:
-        assert self._skinning is not None
-        assert self._fibres is not None
-        return self._skinning.weights_of_fibres(*self._fibres)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import vector_kernel
 from vtkmuscle.core.mesh.harmonic import cotangent_laplacian
+from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Without a sign: a negative index would count from the end, which each look-up would have to ask.
@@ -44,9 +45,7 @@ class Diffusion:
         self._rows = np.repeat(np.arange(len(points)), np.diff(self._begins))
         self._weights: Floats = -laplacian.data / total[self._rows]
         self._totals: Floats = np.bincount(self._rows, self._weights, len(points)).astype(np.float64)
-        corners = points[triangles]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        thirds = np.repeat(np.linalg.norm(normals, axis=1) / 6.0, 3)
+        thirds = np.repeat(np.linalg.norm(triangle_normals(points, triangles), axis=1) / 6.0, 3)
         areas = np.bincount(triangles.reshape(-1), thirds, len(points))
         self.time_unit = float(np.median((areas / total)[degrees > 0.0]))
         self._memory = np.empty((3, len(points), 3))

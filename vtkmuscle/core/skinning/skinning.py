@@ -28,6 +28,9 @@ CARRIERS, LOOKED_AT = 8, 64
 #: so many behind: a binomial, as wide as a cubic B-spline.
 BESIDE, WINDOW = 12, (1.0, 4.0, 6.0, 4.0, 1.0)
 
+#: Weights of a cubic B-spline's four nodes (columns), by powers of the place between the middle two (rows).
+CUBIC = np.array([(1, 4, 1, 0), (-3, 0, 3, 0), (3, -6, 3, 0), (-1, 3, -3, 1)]) / 6.0
+
 #: How much of a turn comes from the bones: it decides where paths do not, as all of them are on a line.
 FROM_BONES = 0.02
 
@@ -128,16 +131,7 @@ class Skinning:
         seen = apart if tree.n <= LOOKED_AT else np.minimum(apart, away[:, -1:])
         parts = falling_weights(seen, least)
         low = np.clip(at.astype(np.int64), 0, n - 2)
-        t = (at - low)[:, :, None]
-        spline = np.concatenate(
-            [
-                (1.0 - t) ** 3 / 6.0,
-                (3.0 * t**3 - 6.0 * t**2 + 4.0) / 6.0,
-                (-3.0 * t**3 + 3.0 * t**2 + 3.0 * t + 1.0) / 6.0,
-                t**3 / 6.0,
-            ],
-            axis=2,
-        )
+        spline = (at - low)[:, :, None] ** np.arange(4) @ CUBIC
         nodes = np.clip(low[:, :, None] + np.arange(-1, 3), 0, n - 1) + n * paths[:, :, None]
         weights = (parts[:, :, None] * spline).reshape(len(points), -1)
         used = weights.any(axis=0)  # the last of the paths has no part
@@ -227,20 +221,13 @@ def falling_weights(distances: Floats, least: float) -> Floats:
     as equal.
     """
     width = np.maximum(distances[:, -1:] / 2.0, least)
-    values = less_the_last(np.exp(-0.5 * (distances / width) ** 2))
+    values = np.exp(-0.5 * (distances / width) ** 2)
+    # Rounding decides the last of several neighbours at an equal distance: with a weight of 0 the choice does
+    # not matter. Rows of equal weights stay unchanged.
+    less = values - values[:, -1:]
+    values = np.where(less[:, :1] > SAME, less, values)
     weights: Floats = values / values.sum(axis=1, keepdims=True)
     return weights
-
-
-def less_the_last(weights: Floats) -> Floats:
-    """Return weights less the last of their row.
-
-    Weights (m, k) are descending: the farthest neighbour gets 0. Rounding decides the last of several
-    neighbours at an equal distance; with a weight of 0 the choice does not matter. Rows of equal weights stay
-    unchanged.
-    """
-    less: Floats = weights - weights[:, -1:]
-    return np.where(less[:, :1] > SAME, less, weights)
 
 
 def _places_beside(points: Floats, paths: Floats, near: Ints, count: int) -> tuple[Ints, Floats, Floats]:
