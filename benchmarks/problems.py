@@ -14,7 +14,7 @@ from vtkmuscle import Scene, phantoms
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
-from vtkmuscle.core.skinning.settling import Settling
+from vtkmuscle.core.skinning.carried_muscle import Settling
 from vtkmuscle.data.arrays import add_arrays, blocks_of, multiblock_from, points_of, surface_from, with_points
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PathDeformer, TautPaths
 from vtkmuscle.pipelines import decompose, deform

@@ -21,7 +21,7 @@ from published_loop import run
 
 from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology
 from vtkmuscle.core.pbd import solver
-from vtkmuscle.core.pbd.anisotropy import edge_stiffness, fibre_directions_at
+from vtkmuscle.core.pbd.sweep import edge_stiffness, fibre_directions_at
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, polylines_of
 from vtkmuscle.plotting.sheets import curves
 

@@ -12,7 +12,7 @@ from vtkmuscle import Scene
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology, signed_volume, unique_edges
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, rotation_about
-from vtkmuscle.core.skinning.settling import Settling
+from vtkmuscle.core.skinning.carried_muscle import Settling
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
 from vtkmuscle.phantoms.meshing import box

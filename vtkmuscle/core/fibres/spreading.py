@@ -180,15 +180,9 @@ def _pulls(
 
 @kernel
 def _pull(
-    stations: Floats,
-    samples: Floats,
-    grid: tuple[Floats, Ints, Ints, Floats, Floats, Ints],
-    band: float,
-    candidates: Ints,
-    squares: Floats,
-    pulls: Floats,
-    weights: Floats,
-) -> None:
+    stations: Floats, samples: Floats, grid: tuple[Floats, Ints, Ints, Floats, Floats, Ints], band: float,
+    candidates: Ints, squares: Floats, pulls: Floats, weights: Floats,
+) -> None:  # fmt: skip
     """Add to the results of :func:`_pulls`; candidates, squares : memory."""
     nodes, station_of, offsets, low, scales, shape = grid
     lx, ly, lz = low[0], low[1], low[2]

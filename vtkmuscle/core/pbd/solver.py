@@ -22,14 +22,19 @@ from vtkmuscle.core.bones.contact import BoneContact
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
-from vtkmuscle.core.mesh.rest_shape import RestShape, project_volume
+from vtkmuscle.core.mesh.rest_shape import RestShape, Volume, project_volume
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import blend_motions, screws_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverses
-from vtkmuscle.core.pbd.anisotropy import edge_stiffness, fibre_directions_at, harmonic_directions
-from vtkmuscle.core.pbd.sweep import WIDTH, edge_rows, project_edges
+from vtkmuscle.core.pbd.sweep import (
+    WIDTH,
+    edge_rows,
+    edge_stiffness,
+    fibre_directions_at,
+    harmonic_directions,
+    project_edges,
+)
 from vtkmuscle.core.pbd.voxels import VoxelContact
-from vtkmuscle.core.skinning.settling import Volume
 from vtkmuscle.core.types import Bools, Floats
 
 #: Two bones of a muscle turn against each other by at most this in a step without velocities [degrees];

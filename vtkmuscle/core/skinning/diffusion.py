@@ -87,19 +87,9 @@ class Diffusion:
 
 @vector_kernel
 def _relax(
-    v: Floats,
-    one: Floats,
-    other: Floats,
-    a: float,
-    b: float,
-    step: float,
-    begins: _Numbers,
-    neighbours: _Numbers,
-    weights: Floats,
-    totals: Floats,
-    inside: Bools,
-    result: Floats,
-) -> None:
+    v: Floats, one: Floats, other: Floats, a: float, b: float, step: float, begins: _Numbers,
+    neighbours: _Numbers, weights: Floats, totals: Floats, inside: Bools, result: Floats,
+) -> None:  # fmt: skip
     """Write a stage of the diffusion inside, v elsewhere.
 
     The stage is a ``one`` + b ``other`` + step (weighted sum of v's neighbours - total weight v).

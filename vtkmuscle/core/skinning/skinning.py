@@ -272,14 +272,9 @@ def _place_beside(points: Floats, path: Floats) -> tuple[Floats, Floats]:
 
 @kernel
 def _skin(
-    rest: Floats,
-    nodes: Floats,
-    frames: Floats,
-    carriers: Ints,
-    weights: Floats,
-    points: Floats,
+    rest: Floats, nodes: Floats, frames: Floats, carriers: Ints, weights: Floats, points: Floats,
     moved: Floats,
-) -> None:
+) -> None:  # fmt: skip
     """Write points moved by their carriers.
 
     Each moved point is the weighted mean of the places to which the point's carriers take the point.
