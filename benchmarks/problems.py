@@ -35,7 +35,7 @@ def held_torus(n_triangles: int) -> tuple[Any, Any, Any, Any]:
 def settling_of(n_triangles: int) -> Callable[[], object]:
     """Return the settling, in five rounds, of a mesh of about so many triangles."""
     points, mass, topology, moved = held_torus(n_triangles)
-    settling = Settling(RestShape(points, topology), np.where(mass > 0.0, -1, 0))
+    settling = Settling(RestShape(points, topology), np.where(mass > 0.0, -1, 0), {})
     still = np.eye(4)[None]
     return lambda: settling.settle(moved, still, rounds=5)
 
