@@ -11,7 +11,7 @@ from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
 from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array, field_string
-from vtkmuscle.data.attachments import ROLES, AttachmentArea
+from vtkmuscle.data.attachments import ROLES, Areas
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
@@ -88,9 +88,7 @@ class FibreSmoother(Filter):
     attachments = ports.Areas(optional=True)
     output = OutputPort(vtkPolyData)
 
-    def execute(
-        self, fibres: Polylines, muscle: Surface | None, attachments: list[AttachmentArea] | None
-    ) -> vtkPolyData:
+    def execute(self, fibres: Polylines, muscle: Surface | None, attachments: Areas | None) -> vtkPolyData:
         """Return the smoothed fibres."""
         points, offsets = fibres.points, fibres.offsets
         if muscle is not None:
@@ -103,9 +101,7 @@ class FibreSmoother(Filter):
         change = polyline_lengths(smoothed, offsets) - polyline_lengths(points, offsets)
         return add_arrays(fibres.moved(smoothed), cells={"LengthChange": change})
 
-    def _in_muscle(
-        self, lines: Polylines, geometry: MuscleGeometry, attachments: list[AttachmentArea] | None
-    ) -> Floats:
+    def _in_muscle(self, lines: Polylines, geometry: MuscleGeometry, attachments: Areas | None) -> Floats:
         """Return smoothed and spread points, projected into the muscle."""
         spreading = self.spreading
         if spreading is None:

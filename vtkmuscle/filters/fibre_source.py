@@ -15,7 +15,7 @@ from vtkmuscle.core.fibres.between_areas import (
 )
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
-from vtkmuscle.data.attachments import ROLES, Aponeurosis, AttachmentArea, aponeuroses_of, areas_of_role
+from vtkmuscle.data.attachments import ROLES, Aponeurosis, Areas, aponeuroses_of, areas_of_role
 from vtkmuscle.data.end_surfaces import aponeurosis_surfaces, attached_surface
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
@@ -114,7 +114,7 @@ class FibreSource(Filter):
     def execute(
         self,
         muscle: Surface,
-        attachments: list[AttachmentArea] | None,
+        attachments: Areas | None,
         superficial: vtkPolyData | None,
         aponeuroses: list[Aponeurosis] | None,
     ) -> vtkPolyData:
@@ -152,9 +152,7 @@ class FibreSource(Filter):
         add_arrays(result, fields={"FilledShare": filled, "LeavingShare": leaving})
         return _passed_on(result, muscle)
 
-    def _by_sections(
-        self, muscle: Surface, areas: list[AttachmentArea], superficial: vtkPolyData | None
-    ) -> vtkPolyData:
+    def _by_sections(self, muscle: Surface, areas: Areas, superficial: vtkPolyData | None) -> vtkPolyData:
         """Return the parallel template mapped through the muscle's sections."""
         template = FibreTemplateSource(n_fibres=self.n_fibres, resolution=self.resolution)()
         fitted = TemplateFitter()(template, muscle.data, areas, superficial)
@@ -177,7 +175,7 @@ def _passed_on(fibres: vtkPolyData, muscle: Surface) -> vtkPolyData:
 
 
 def _ends(
-    geometry: MuscleGeometry, areas: list[AttachmentArea], aponeuroses: list[Aponeurosis] | None
+    geometry: MuscleGeometry, areas: Areas, aponeuroses: list[Aponeurosis] | None
 ) -> tuple[EndSurface, EndSurface]:
     """Return the surfaces at the fibres' origins and insertions."""
     if aponeuroses is not None:

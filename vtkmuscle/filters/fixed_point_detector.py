@@ -15,7 +15,7 @@ from vtkmuscle.core.mesh.surface import edge_lengths, points_in_box, unique_edge
 from vtkmuscle.core.pbd.voxels import build_voxel_grid
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import add_arrays, checked_surface, shallow_copy
-from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
+from vtkmuscle.data.attachments import VIA, Areas, attachments_of
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 from vtkmuscle.filters.deformer import N_VOXELS, N_VOXELS_PER_AXIS
@@ -97,7 +97,7 @@ class FixedPointDetector(Filter):
     output = OutputPort(vtkPolyData)
 
     def execute(
-        self, muscle: Surface, bones: dict[str, vtkPolyData], attachments: list[AttachmentArea] | None
+        self, muscle: Surface, bones: dict[str, vtkPolyData], attachments: Areas | None
     ) -> vtkPolyData:
         """Return the muscle with its fixed points marked."""
         if self.method == "attachment":
@@ -120,7 +120,7 @@ class FixedPointDetector(Filter):
         return add_arrays(shallow_copy(muscle.data), points={"FixedTo": fixed_to})
 
     def _by_attachment(
-        self, muscle: Surface, bones: dict[str, vtkPolyData], areas: list[AttachmentArea] | None
+        self, muscle: Surface, bones: dict[str, vtkPolyData], areas: Areas | None
     ) -> Iterator[Claim]:
         """Yield the points of each area, with distances to the nearest landmark."""
         if areas is None:

@@ -16,7 +16,7 @@ from vtkmuscle.core.morphing.slices import Box, Morph, Slicing, morph_by_planes
 from vtkmuscle.core.template import angle_to_nearest, areas_are_opposite, superficial_pieces
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
-from vtkmuscle.data.attachments import ROLES, AttachmentArea
+from vtkmuscle.data.attachments import ROLES, Areas
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
@@ -118,11 +118,7 @@ class SliceMorpher(Filter):
     output = OutputPort(vtkPolyData)
 
     def execute(
-        self,
-        template: Polylines,
-        muscle: Surface,
-        attachments: list[AttachmentArea] | None,
-        superficial: Polylines | None,
+        self, template: Polylines, muscle: Surface, attachments: Areas | None, superficial: Polylines | None
     ) -> vtkPolyData:
         """Return the fibres in the muscle."""
         box, geometry = _box(template.data), muscle.geometry
@@ -168,7 +164,7 @@ class SliceMorpher(Filter):
         return add_arrays(template.moved(result.points), fields=fields)
 
 
-def _course(geometry: MuscleGeometry, areas: list[AttachmentArea] | None) -> IsolineCourse:
+def _course(geometry: MuscleGeometry, areas: Areas | None) -> IsolineCourse:
     """Return the isolines from the origin to the insertion."""
     if areas is None:
         problem = "method='harmonic' needs attachment areas, but the port 'attachments' is not connected"

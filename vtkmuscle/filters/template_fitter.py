@@ -21,7 +21,7 @@ from vtkmuscle.core.template import (
 )
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
-from vtkmuscle.data.attachments import ROLES, AttachmentArea, areas_of_role
+from vtkmuscle.data.attachments import ROLES, Areas, areas_of_role
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
@@ -102,11 +102,7 @@ class TemplateFitter(Filter):
     output = OutputPort(vtkPolyData)
 
     def execute(
-        self,
-        template: Polylines,
-        muscle: Surface,
-        attachments: list[AttachmentArea],
-        superficial: Polylines | None,
+        self, template: Polylines, muscle: Surface, attachments: Areas, superficial: Polylines | None
     ) -> vtkPolyData:
         """Return the fitted template."""
         areas = _area(template.data, _AREAS[0]), _area(template.data, _AREAS[1])

@@ -66,10 +66,8 @@ def fibre_block(kind: str) -> Phantom:
         return block(kind, {"origin_plate": level(0.0)}, level(LENGTH), plates_at_ends(), known)
     if kind != "pennate":
         raise InputError("fibre_block", f"kind is {kind!r}, but must be one of 'parallel', 'pennate'")
-    bones = {
-        "origin_plate": box((-PLATE, 0.0, 0.0), (0.0, DEPTH, half), SPACING),
-        "insertion_plate": box((WIDTH, 0.0, half), (WIDTH + PLATE, DEPTH, LENGTH), SPACING),
-    }
+    bones = {"origin_plate": box((-PLATE, 0.0, 0.0), (0.0, DEPTH, half), SPACING)}
+    bones["insertion_plate"] = box((WIDTH, 0.0, half), (WIDTH + PLATE, DEPTH, LENGTH), SPACING)
     origins = {"origin_plate": wall(0.0, 0.0, half)}
     return block(kind, origins, wall(WIDTH, half, LENGTH), bones, straight(WIDTH))
 
@@ -116,10 +114,8 @@ def plates_at_ends() -> dict[str, Surface]:
 def straight(width: float) -> dict[str, float]:
     """Return the answers for fibres over a width, which rise by half the length."""
     rise = LENGTH / 2.0
-    return {
-        "fibre_length": float(np.hypot(width, rise)),
-        "pennation": float(np.degrees(np.arctan2(width, rise))),
-    }
+    pennation = float(np.degrees(np.arctan2(width, rise)))
+    return {"fibre_length": float(np.hypot(width, rise)), "pennation": pennation}
 
 
 def level(z: float) -> Floats:

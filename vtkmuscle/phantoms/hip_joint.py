@@ -175,14 +175,8 @@ def hip(*, angles: ArrayLike = ANGLES, head_radius: float = HEAD_RADIUS, detail:
     {'head_radius': 25.0}
     """
     bones, muscles, areas = hip_parts(head_radius, detail)
-    return phantom_from(
-        "hip",
-        bones=bones,
-        muscles=muscles,
-        areas=areas,
-        motion=hinge("femur", centre=(0, 0, 0), axis=(-1, 0, 0), angles=angles),
-        known={"head_radius": head_radius},
-    )
+    motion, known = hinge("femur", (0, 0, 0), (-1, 0, 0), angles), {"head_radius": head_radius}
+    return phantom_from("hip", bones=bones, muscles=muscles, areas=areas, motion=motion, known=known)
 
 
 @lru_cache(maxsize=2)
