@@ -12,7 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone, depth_in
 from vtkmuscle.core.fixed_muscle import FixedMuscle
-from vtkmuscle.core.mesh.rest_shape import RestShape
+from vtkmuscle.core.mesh.rest_shape import RestShape, ShapeReport
 from vtkmuscle.core.pbd.solver import PUBLISHED, Parameters, State
 from vtkmuscle.core.pbd.voxels import DEFAULT_N_MAX, MOST_N_EQUAL
 from vtkmuscle.core.skinning.carried_muscle import CarriedPose
@@ -114,14 +114,8 @@ def solver_parameters(settings: Mapping[str, Any]) -> Parameters:
     return Parameters(**{name: value for name, value in settings.items() if name in names})
 
 
-#: Field arrays of a shape report.
-SHAPE = {
-    "VolumeRatio": "volume_ratio",
-    "EdgeStretchP95": "edge_stretch_p95",
-    "EdgeStretchMax": "edge_stretch_max",
-    "DihedralErrorP95": "dihedral_error_p95",
-    "DegenerateEdges": "degenerate_edges",
-}
+#: Attributes of a shape report by field array: VolumeRatio for volume_ratio, and so on.
+SHAPE = {"".join(map(str.capitalize, name.split("_"))): name for name in ShapeReport.__annotations__}
 #: Keys of a row of figures, by field array.
 FIGURES = SHAPE | {
     "DihedralErrorP95": "dihedral_error_p95_deg",

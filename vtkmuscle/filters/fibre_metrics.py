@@ -156,13 +156,9 @@ class FibreMetrics(Filter):
         angles = angles_to(lines.points, lines.offsets, direction)
         volume = abs(signed_volume(muscle.points, muscle.triangles))
         area, along = physiological_cross_section(volume, lengths, angles)
-        fields = {
-            "MuscleVolume": volume,
-            "LineOfAction": direction,
-            "CentroidPath": centroid_path(lines.points, lines.offsets, PATH_POINTS),
-            "PCSA": area,
-            "PCSALine": along,
-        }
+        path = centroid_path(lines.points, lines.offsets, PATH_POINTS)
+        fields = {"MuscleVolume": volume, "LineOfAction": direction, "CentroidPath": path}
+        fields |= {"PCSA": area, "PCSALine": along}
         add_arrays(result, cells={"LineAngle": angles}, fields=fields)
 
 

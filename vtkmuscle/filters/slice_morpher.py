@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -147,12 +146,8 @@ class SliceMorpher(Filter):
             problem = f"the muscle is bent too much for parallel planes: {shares}; use method='harmonic'"
             warnings.warn(f"SliceMorpher: {problem}", stacklevel=2)
         inside = geometry.solids.inside(result.points[inner_points(template.offsets)])
-        fields: dict[str, str | float] = {
-            "MorphMethod": method,
-            "PointsOutside": int((~inside).sum()),
-            "VolumeShare": result.volume_share,
-            "SteepShare": steep_share,
-        }
+        fields: dict[str, str | float] = {"MorphMethod": method, "PointsOutside": int((~inside).sum())}
+        fields |= {"VolumeShare": result.volume_share, "SteepShare": steep_share}
         if superficial is not None:
             seen = superficial_pieces(superficial.points, superficial.offsets, geometry.points)
             angle = float(np.degrees(angle_to_nearest(seen, result.points, template.offsets)))
@@ -170,8 +165,11 @@ def _course(geometry: MuscleGeometry, areas: Areas | None) -> IsolineCourse:
         problem = "method='harmonic' needs attachment areas, but the port 'attachments' is not connected"
         raise InputError("", problem, "connect attachments")
     ends, muscle = tuple(geometry.attached(areas, role) for role in ROLES), geometry.closed
-    field = partial(attachment_field, muscle.points, muscle.triangles, *ends)
-    return geometry.once("course", ends, lambda: IsolineCourse(muscle, field()))
+
+    def course() -> IsolineCourse:
+        return IsolineCourse(muscle, attachment_field(muscle.points, muscle.triangles, *ends))
+
+    return geometry.once("course", ends, course)
 
 
 def _runs_upwards(template: Any, box: Floats) -> bool:

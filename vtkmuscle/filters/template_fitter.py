@@ -12,7 +12,6 @@ from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template import (
     TIE,
     BoxFit,
-    SuperficialFibres,
     angle_to_nearest,
     centroid_axis,
     fit_box,
@@ -113,7 +112,9 @@ class TemplateFitter(Filter):
         points, guide = muscle.points[np.unique(muscle.triangles)], None
         if superficial is not None:
             seen = superficial_pieces(superficial.points, superficial.offsets, points)
-            guide = partial(_angle, seen, template)
+
+            def guide(box: Floats) -> float:
+                return angle_to_nearest(seen, apply_transform(box, template.points), template.offsets)
 
         def fitted() -> list[BoxFit]:
             fit = partial(fit_box, landmarks=landmarks, areas=areas, angle_step=self.angle_step, guide=guide)
@@ -140,11 +141,6 @@ class TemplateFitter(Filter):
         if self.axis != "attachments":
             axes.append(principal_axis(points, origin, insertion))
         return axes
-
-
-def _angle(seen: SuperficialFibres, lines: Polylines, box: Floats) -> float:
-    """Return the angle of superficial fibres in a box."""
-    return angle_to_nearest(seen, apply_transform(box, lines.points), lines.offsets)
 
 
 def _area(template: vtkPolyData | None, name: str) -> Floats:

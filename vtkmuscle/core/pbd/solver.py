@@ -113,9 +113,9 @@ class Parameters:
 PUBLISHED = MappingProxyType(
     {
         "prediction": "velocity",
-        "signed_angles": False,
         "order": "kind",
         "anisotropy": "fibres",
+        "signed_angles": False,
         "finish": False,
     }
 )

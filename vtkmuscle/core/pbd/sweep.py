@@ -32,6 +32,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel, lane, vector_kernel
@@ -51,12 +52,8 @@ WIDTH = 16
 N_CONSTANTS = 9
 
 #: Coefficients of atan(x) / x in x^2, from the greatest power on, for x from 0 to 1; its error is 2e-15.
-_A: tuple[float, ...] = tuple(
-    np.polynomial.Chebyshev.interpolate(lambda u: np.arctan(np.sqrt(u)) / np.sqrt(u), 18, domain=[0.0, 1.0])
-    .convert(kind=np.polynomial.Polynomial)
-    .coef[::-1]
-    .tolist()
-)
+_ATAN = Chebyshev.interpolate(lambda u: np.arctan(np.sqrt(u)) / np.sqrt(u), 18, domain=[0.0, 1.0])
+_A: tuple[float, ...] = tuple(_ATAN.convert(kind=Polynomial).coef[::-1].tolist())
 
 
 class EdgeRows(NamedTuple):
