@@ -169,8 +169,7 @@ class PathDeformer(Filter):
 
         def posed(*_: Any) -> CarriedPose:
             near, report = beside.at(neighbours), self.report_progress
-            rounds = self.iterations
-            return carried.pose(now, bones.transforms, rounds=rounds, neighbours=near, progress=report)
+            return carried.pose(now, bones.transforms, rounds=self.iterations, near=near, progress=report)
 
         def surface(pose: CarriedPose, measures: tuple[bool, bool]) -> vtkPolyData:
             moved = ((bone, bones.transforms[number]) for number, bone in rest_bones.shapes.items())

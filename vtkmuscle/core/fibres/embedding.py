@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 from typing import NamedTuple
 
@@ -19,7 +18,7 @@ from vtkmuscle.core.mesh.polylines import curve_segments, nearest_arcs
 from vtkmuscle.core.mesh.solids import points_inside, solids_of
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree, tree_of_deformed
 from vtkmuscle.core.skinning.skinning import falling_weights
-from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.core.types import Bools, Floats, Ints, Progress, quiet
 
 #: Points in a block of weights: a step of progress, and the time until an abort.
 _BLOCK = 256
@@ -67,7 +66,7 @@ class EmbeddedPoints:
         """Largest error of merged weights [mm]. For a muscle bent by about a radian."""
         return 0.0 if self._sparse is None else self._sparse.error
 
-    def moved(self, vertices: Floats, report: Callable[[float], None]) -> Floats:
+    def moved(self, vertices: Floats, report: Progress) -> Floats:
         """Return the moved points (p, 3). For vertices (n, 3); `report` takes the fraction done."""
         if self.weight_tolerance > 0.0:
             if self._sparse is None:
@@ -165,12 +164,7 @@ class SparseWeights(NamedTuple):
 
 
 def sparse_mean_value_coordinates(
-    points: Floats,
-    triangles: Ints,
-    queries: Floats,
-    *,
-    prune: float,
-    report: Callable[[float], None] = lambda part: None,
+    points: Floats, triangles: Ints, queries: Floats, *, prune: float, report: Progress = quiet
 ) -> SparseWeights:
     """Return mean value coordinates with merged weights.
 

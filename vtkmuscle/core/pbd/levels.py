@@ -13,12 +13,11 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.harmonic import cotangent_laplacian
-from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import nearest_rotations
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.pbd.solver import PBDSolver, Progress, State
+from vtkmuscle.core.pbd.solver import Near, PBDSolver, State
 from vtkmuscle.core.skinning.skinning import falling_weights
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import Floats, Ints, Progress, quiet
 
 #: Coarse points that take a fine point along. With eight, an iliacus solved with an iteration has 16 folded
 #: edges, and an adductor brevis one of eight times its length; with sixteen 8, and 4 times.
@@ -90,12 +89,7 @@ class TwoLevels:
         return replace(self._solver.at_rest(n_bones), surface=self.shape.points)
 
     def step(
-        self,
-        state: State,
-        transforms: Floats,
-        *,
-        neighbours: Sequence[tuple[Neighbour, Neighbour]] = (),
-        progress: Progress = lambda _: None,
+        self, state: State, transforms: Floats, neighbours: Sequence[Near] = (), progress: Progress = quiet
     ) -> State:
         """Return the state after the bones have moved on.
 

@@ -35,7 +35,7 @@ from vtkmuscle.core.pbd.sweep import (
     project_edges,
 )
 from vtkmuscle.core.pbd.voxels import VoxelContact
-from vtkmuscle.core.types import Bools, Floats
+from vtkmuscle.core.types import Bools, Floats, Progress, quiet
 
 #: Two bones of a muscle turn against each other by at most this in a step without velocities [degrees];
 #: larger steps are parted. An iliacus of 3 000 triangles has 18 folded edges after steps of 10 degrees with
@@ -44,8 +44,8 @@ LARGEST_TURN = 4.0
 
 #: Moves positions out of obstacles, and returns the moved points.
 KeepOut = Callable[[Floats], Bools]
-#: Takes the finished part of a step.
-Progress = Callable[[float], None]
+#: Neighbouring muscles now.
+Near = Sequence[Neighbour]
 
 
 @dataclass(frozen=True)
@@ -241,18 +241,12 @@ class PBDSolver:
         return State(self.rest + self.centre, transforms, 0, self.rest, velocities)
 
     def step(
-        self,
-        state: State,
-        transforms: Floats,
-        *,
-        neighbours: Sequence[Neighbour] = (),
-        progress: Progress = lambda _: None,
+        self, state: State, transforms: Floats, neighbours: Near = (), progress: Progress = quiet
     ) -> State:
         """Return the state after the bones have moved on.
 
         Transforms (b, 4, 4) lead from rest to now. Free points are kept out of the neighbours, too.
-        ``progress`` is called after each iteration with the finished part of the step; ``progress`` may
-        raise, to stop. A ValueError reports an overflowing position.
+        ``progress`` is called after each iteration. A ValueError reports an overflowing position.
         """
         transforms = np.array(transforms, dtype=np.float64)
         if state.velocities is not None:
@@ -274,12 +268,7 @@ class PBDSolver:
         return self._state(x, transforms, held)
 
     def pose(
-        self,
-        start: Floats,
-        transforms: Floats,
-        *,
-        neighbours: Sequence[Neighbour] = (),
-        progress: Progress = lambda _: None,
+        self, start: Floats, transforms: Floats, neighbours: Near = (), progress: Progress = quiet
     ) -> State:
         """Return the state in a pose, begun at a surface.
 
@@ -299,7 +288,7 @@ class PBDSolver:
         return self._state(p[:-1], transforms, held)
 
     def _with_velocities(
-        self, state: State, transforms: Floats, neighbours: Sequence[Neighbour], progress: Progress
+        self, state: State, transforms: Floats, neighbours: Near, progress: Progress
     ) -> State:
         """Do Algorithm 2, lines 6 to 37."""
         settings, x, v, dt = self.parameters, state.positions, state.velocities, self.parameters.dt
@@ -355,7 +344,7 @@ class PBDSolver:
             p[fixed] = apply_transform(now[bone], self.rest[fixed])
         return p
 
-    def _keep_out(self, now: Floats, before: Floats, x: Floats, neighbours: Sequence[Neighbour]) -> KeepOut:
+    def _keep_out(self, now: Floats, before: Floats, x: Floats, neighbours: Near) -> KeepOut:
         """Return the contact with bones and neighbours in a step."""
         if isinstance(self._contact, VoxelContact):
             return self._contact.at(now, neighbours, self.centre, before, x)

@@ -5,8 +5,9 @@ Bones carry a muscle without paths.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,10 @@ from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.paths.lines import bones_at_ends
 from vtkmuscle.core.skinning.diffusion import Diffusion
 from vtkmuscle.core.skinning.skinning import SkinnedMuscle, Skinning
-from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.core.types import Bools, Floats, Ints, Progress, quiet
+
+#: Neighbouring muscles now.
+Near = Sequence[Neighbour]
 
 #: How far a displacement spreads over the surface, the standard deviation along a line, as a part of the
 #: muscle's mean thickness 2 V / A. Of four muscles of a real hip 0.2 and 0.3 leave one a tenth rougher or
@@ -86,13 +90,7 @@ class Settling:
         self._time = 0.5 * (SPREAD * thickness) ** 2 / self._diffusion.time_unit
 
     def settle(
-        self,
-        carried: Floats,
-        transforms: Floats,
-        *,
-        rounds: int,
-        neighbours: Sequence[Neighbour] = (),
-        progress: Callable[[float], None] | None = None,
+        self, carried: Floats, transforms: Floats, rounds: int, near: Near = (), progress: Progress = quiet
     ) -> SettlingResult:
         """Return the muscle settled in a pose.
 
@@ -104,15 +102,15 @@ class Settling:
             Of the bones, rest to now.
         rounds : int
             Steps of the diffusion, >= 1.
-        neighbours : sequence of Neighbour, optional
+        near : sequence of Neighbour, optional
             Other muscles now, to keep the free points out of.
         progress : callable, optional
-            Called after each round with the finished part; may raise, to stop.
+            Called after each round.
         """
         carried = carried.copy()
         for bone, fixed in self._fixed:
             carried[fixed] = apply_transform(transforms[bone], self._rest[fixed])
-        touching = self._contact.at(transforms, neighbours)
+        touching = self._contact.at(transforms, near)
         points = carried.copy()
         self._leave_bones(points, touching)
         displacement = np.empty_like(points)
@@ -123,8 +121,7 @@ class Settling:
             np.subtract(points, carried, out=displacement)
             self._diffusion.spread(displacement, self._time / rounds, self._free)
             np.add(carried, displacement, out=points)
-            if progress is not None:
-                progress((number + 1) / rounds)
+            progress((number + 1) / rounds)
         held = self._volume.finish(points, touching.keep_out)
         return SettlingResult(points, int(held.sum()))
 
@@ -246,15 +243,7 @@ class CarriedMuscle:
         self.shape = RestShape(points, topology)
         self._settling = Settling(self.shape, fixed_to, bones, clearance)
 
-    def pose(
-        self,
-        paths: Floats | None,
-        transforms: Floats,
-        *,
-        rounds: int,
-        neighbours: Sequence[Neighbour] = (),
-        progress: Callable[[float], None] | None = None,
-    ) -> CarriedPose:
+    def pose(self, paths: Floats | None, transforms: Floats, **settling: Any) -> CarriedPose:
         """Return the muscle in a pose.
 
         Parameters
@@ -263,8 +252,8 @@ class CarriedMuscle:
             The paths in the pose [mm].
         transforms : (b, 4, 4) array
             Of the bones, rest to now.
-        rounds, neighbours, progress
-            See :meth:`Settling.settle`.
+        **settling
+            ``rounds``, ``near`` and ``progress`` of :meth:`Settling.settle`.
         """
         skinned = None
         carried = self._points
@@ -274,9 +263,7 @@ class CarriedMuscle:
         elif self._weights is not None:
             carriers, weights = self._weights
             carried = blend_motions(transforms[carriers], weights, self._points)
-        settled = self._settling.settle(
-            carried, transforms, rounds=rounds, neighbours=neighbours, progress=progress
-        )
+        settled = self._settling.settle(carried, transforms, **settling)
         return CarriedPose(settled.surface, carried, settled.colliding, skinned)
 
     def fibre_points(self, pose: CarriedPose) -> Floats:
