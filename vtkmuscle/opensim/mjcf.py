@@ -98,18 +98,16 @@ def mjcf_of(
         raise InputError("", f"no joint equals the coordinate {missing!r}, as MuJoCo requires")
     files = [mesh for names in (meshes or {}).values() for mesh in names]
     actuated = [muscle for muscle in muscles if lengths and set(NEEDED) <= set(muscle.parameters)]
-    return xml_text(
-        made(
-            "mujoco",
-            made("compiler", angle="radian", autolimits="true", meshdir=FOLDER),
-            made("asset", *(made("mesh", name=mesh, file=f"{mesh}.stl") for mesh in files)),
-            made("worldbody", *world),
-            made("tendon", *(made("spatial", *_tendon(*item), name=item[0]) for item in paths.items())),
-            made("actuator", *(_actuator(muscle, (lengths or {})[muscle.name]) for muscle in actuated)),
-            made("equality", *joints.equalities),
-            model=name,
-        )
-    )
+    parts = {
+        "asset": [made("mesh", name=mesh, file=f"{mesh}.stl") for mesh in files],
+        "worldbody": world,
+        "tendon": [made("spatial", *_tendon(*item), name=item[0]) for item in paths.items()],
+        "actuator": [_actuator(muscle, (lengths or {})[muscle.name]) for muscle in actuated],
+        "equality": joints.equalities,
+    }
+    compiler = made("compiler", angle="radian", autolimits="true", meshdir=FOLDER)
+    inside_of = [made(tag, *elements) for tag, elements in parts.items()]
+    return xml_text(made("mujoco", compiler, *inside_of, model=name))
 
 
 class _Joints(NamedTuple):

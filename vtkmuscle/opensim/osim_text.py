@@ -86,8 +86,8 @@ def osim_of(
     """
     for body in tree.bodies:
         _check_name("body", body)
-    for what, parts in (("joint", tree.joints), ("coordinate", tree.coordinates)):
-        for part in parts:
+    for what, each in (("joint", tree.joints), ("coordinate", tree.coordinates)):
+        for part in each:
             _check_name(what, part.name)
     # The first joint that a coordinate moves owns the coordinate.
     moved = [(axis.coordinate, joint.name) for joint in tree.joints for axis in joint.axes if axis.coordinate]
@@ -107,18 +107,12 @@ def osim_of(
     for body, cylinder in _cylinders(muscles):
         _objects_in(bodies[body]).append(cylinder)
     ground, *moving = bodies.values()
-    model = made(
-        "Model",
-        ground,
-        made("gravity", [0.0, -9.80665, 0.0]),
-        made("length_units", "meters"),
-        made("force_units", "N"),
-        _set("BodySet", moving, name="bodyset"),
-        _set("JointSet", [_joint(joint, tree, owners, paths) for joint in tree.joints], name="jointset"),
-        _set("ConstraintSet", map(_coupler, tree.couplings), name="constraintset"),
-        _set("ForceSet", [_muscle(muscle, paths) for muscle in muscles], name="forceset"),
-        name=name,
-    )
+    sets = {"BodySet": moving, "JointSet": [_joint(joint, tree, owners, paths) for joint in tree.joints]}
+    sets["ConstraintSet"] = [_coupler(coupling) for coupling in tree.couplings]
+    sets["ForceSet"] = [_muscle(muscle, paths) for muscle in muscles]
+    parts = [_set(tag, objects, name=tag.lower()) for tag, objects in sets.items()]
+    units = {"gravity": [0.0, -9.80665, 0.0], "length_units": "meters", "force_units": "N"}
+    model = _component("Model", ground, *parts, name=name, **units)
     return xml_text(made("OpenSimDocument", model, Version=str(VERSION)))
 
 

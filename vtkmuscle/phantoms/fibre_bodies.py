@@ -105,10 +105,8 @@ def block(
 
 def plates_at_ends() -> dict[str, Surface]:
     """Return the plates below and above the block."""
-    return {
-        "origin_plate": box((0.0, 0.0, -PLATE), (WIDTH, DEPTH, 0.0), SPACING),
-        "insertion_plate": box((0.0, 0.0, LENGTH), (WIDTH, DEPTH, LENGTH + PLATE), SPACING),
-    }
+    heights = {"origin_plate": -PLATE, "insertion_plate": LENGTH}
+    return {name: box((0.0, 0.0, z), (WIDTH, DEPTH, z + PLATE), SPACING) for name, z in heights.items()}
 
 
 def straight(width: float) -> dict[str, float]:

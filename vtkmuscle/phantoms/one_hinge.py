@@ -192,9 +192,6 @@ def _cylinder_surfaces() -> tuple[dict[str, Surface], Surface]:
     length = WIDTH + 20.0
     heights = np.linspace(-length / 2.0, length / 2.0, 17)
     points, triangles = solid_of_revolution(heights, np.full(17, RADIUS), 48)
-    bones = {
-        "base": box((-25, -STRAIGHT - 20, 10), (25, -STRAIGHT, 50), 5.0),
-        # From the z axis to the x axis.
-        "pulley": (points[:, [2, 0, 1]], triangles),
-    }
+    bones = {"base": box((-25, -STRAIGHT - 20, 10), (25, -STRAIGHT, 50), 5.0)}
+    bones["pulley"] = points[:, [2, 0, 1]], triangles  # from the z axis to the x axis
     return bones, mesh_of(strap, 2.5, 3000)

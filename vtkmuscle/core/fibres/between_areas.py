@@ -99,7 +99,12 @@ def _taken(origin: EndSurface, insertion: EndSurface, candidates: Sequence[Float
         return candidates
     counts = [COARSE, COARSE]
     counts[larger] = round(ratio * COARSE)
-    even = [_by_section(*each) for each in zip(coarse, sections, counts, strict=True)]
+    even = []
+    for positions, section, count in zip(coarse, sections, counts, strict=True):  # of equal shares
+        mixed, size = np.random.default_rng(0).permutation(len(positions)), CANDIDATES * count
+        shares = np.cumsum(section[mixed])
+        chosen = np.searchsorted(shares, (np.arange(size) + 0.5) / size * shares[-1])
+        even += even_positions([positions[mixed][chosen]], count)
     centred = [x - np.average(y, axis=0, weights=w) for x, y, w in zip(even, coarse, sections, strict=True)]
     costs = ((centred[0][:, None] - centred[1]) ** 2).sum(axis=-1)
     used = linear_sum_assignment(costs)[larger]
@@ -107,15 +112,6 @@ def _taken(origin: EndSurface, insertion: EndSurface, candidates: Sequence[Float
     taken = list(candidates)
     taken[larger] = candidates[larger][np.isin(nearest, used)]
     return taken
-
-
-def _by_section(positions: Floats, sections: Floats, count: int) -> Floats:
-    """Return positions (count, 3) of equal shares of a cross-section."""
-    mixed = np.random.default_rng(0).permutation(len(positions))
-    shares = np.cumsum(sections[mixed])
-    size = CANDIDATES * count
-    chosen = positions[mixed][np.searchsorted(shares, (np.arange(size) + 0.5) / size * shares[-1])]
-    return even_positions([chosen], count)[0]
 
 
 def filled_share(fibres: Floats, origin: EndSurface, insertion: EndSurface, volume: float) -> float:

@@ -312,10 +312,10 @@ class Tendons:
 
         Fibres that are straight at rest stay straight.
         """
-        ends = [
-            np.where(free[:, None], side.positions(paths[:, :: -1 if end else 1]), carried[:, end])
-            for end, free, side in zip((0, -1), self._free.T, self._sides, strict=True)
-        ]
+        ends = []
+        for end, free, side in zip((0, -1), self._free.T, self._sides, strict=True):
+            held = side.positions(paths[:, :: -1 if end else 1])
+            ends.append(np.where(free[:, None], held, carried[:, end]))
         bows = carried - self._chords(carried[:, 0], carried[:, -1])
         return self._chords(*ends) + np.where(self._bent[:, None, None], bows, 0.0)
 

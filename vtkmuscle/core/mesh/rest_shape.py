@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import lane, vector_kernel
 from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, edge_lengths
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -140,8 +140,7 @@ def beside_slivers(points: Floats, quads: Ints) -> Bools:
     return sliver
 
 
-@dataclass(frozen=True)
-class ShapeReport:
+class ShapeReport(NamedTuple):
     """Deviations of a deformed surface from its rest shape."""
 
     volume_ratio: float  # V / V0
@@ -160,10 +159,8 @@ class RestShape:
 
     def __init__(self, points: Floats, topology: MeshTopology) -> None:
         if topology.n_boundary_edges:
-            raise ValueError(
-                f"the surface is open: {topology.n_boundary_edges} edges belong to one triangle only; "
-                "close it (vtkFillHolesFilter), as an open surface has no volume"
-            )
+            problem = f"the surface is open: {topology.n_boundary_edges} edges belong to one triangle only"
+            raise InputError("", problem, "close it (vtkFillHolesFilter), as an open surface has no volume")
         self.points, self.topology = points, topology
         #: Of the edges, (k,) [mm].
         self.lengths: Floats = edge_lengths(points, topology.edges)

@@ -229,10 +229,8 @@ class VoxelContact:
         corners = self._boxes.moved(now, centre)
         about = np.eye(4)
         about[:3, 3] = -centre
-        moves = [
-            (about @ now[bone], about @ now[bone] @ inverse(before[bone]) @ inverse(about))
-            for bone in self._boxes.indices
-        ]
+        poses = {bone: about @ now[bone] for bone in self._boxes.indices}
+        moves = [(pose, pose @ inverse(before[bone]) @ inverse(about)) for bone, pose in poses.items()]
 
         def keep_out(p: Floats) -> Bools:
             moved = np.zeros(len(p), dtype=np.bool_)

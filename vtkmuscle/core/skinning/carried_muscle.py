@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -41,8 +41,7 @@ SPREAD = 0.4
 TOGETHER, MOST_STEPS = 1.6, 6
 
 
-@dataclass(frozen=True, eq=False)
-class SettlingResult:
+class SettlingResult(NamedTuple):
     """The points (n, 3) of a settled muscle [mm].
 
     The result also has the number of points that bones or other muscles hold off.
