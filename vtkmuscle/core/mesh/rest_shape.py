@@ -201,12 +201,8 @@ LAST_PASSES, VOLUME_TOLERANCE = 30, 1e-10
 class Volume:
     """Restores the volume of a muscle.
 
-    Parameters
-    ----------
-    shape : RestShape
-        The muscle at rest.
-    free : (n,) bool array
-        Points that may be moved.
+    shape : RestShape, the muscle at rest;
+    free : (n,) bool, points that may be moved.
     """
 
     def __init__(self, shape: RestShape, free: Bools) -> None:

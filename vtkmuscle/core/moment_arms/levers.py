@@ -28,14 +28,10 @@ class Differences(NamedTuple):
     A slope is of the parabola through a pose and two neighbours, on both sides if possible, else the next two
     on a side. With a single neighbour it is the slope of the line.
 
-    Attributes
-    ----------
-    frames : (m,) int array
-        Ascending numbers of the poses.
-    neighbours : (m, 2) int array
-        Numbers of the two neighbours.
-    weights : (m, 2) array
-        Weights of their differences from the pose, per unit of the coordinate [1 / rad or 1 / mm].
+    frames : (m,) int, ascending numbers of the poses;
+    neighbours : (m, 2) int, numbers of the two neighbours;
+    weights : (m, 2), weights of their differences from the pose, per unit of the coordinate [1 / rad or 1 /
+        mm].
     """
 
     frames: Ints

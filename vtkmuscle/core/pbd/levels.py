@@ -50,14 +50,9 @@ class TwoLevels:
     doi:10.1145/1073204.1073216). Fixed points then go to their bones and take their neighbourhood along. From
     the resulting positions the fine surface is solved, with the edges as long as carried.
 
-    Parameters
-    ----------
-    solver : PBDSolver
-        Of the coarse surface.
-    fine : PBDSolver
-        Of the fine surface, with :data:`FINE_ITERATIONS`.
-    fixed_to : (n,) int array
-        Bone that each point of the fine surface is fixed to, -1 for free points.
+    solver : PBDSolver, of the coarse surface;
+    fine : PBDSolver, of the fine surface, with :data:`FINE_ITERATIONS`;
+    fixed_to : (n,) int, bone that each point of the fine surface is fixed to, -1 for free points.
     """
 
     def __init__(self, solver: PBDSolver, fine: PBDSolver, fixed_to: Ints) -> None:

@@ -125,18 +125,11 @@ PUBLISHED = MappingProxyType(
 class State:
     """A muscle at one time.
 
-    Attributes
-    ----------
-    surface : (n, 3) array
-        The muscle's points [mm].
-    transforms : (b, 4, 4) array
-        Of the bones, rest to now.
-    colliding : int
-        Number of points that bones or other muscles hold off.
-    positions : (m, 3) array
-        The solved points, relative to the centre of the muscle at rest [mm].
-    velocities : (m, 3) array or None
-        Of the solved points [mm / s]; None for points without velocities.
+    surface : (n, 3), the muscle's points [mm];
+    transforms : (b, 4, 4), of the bones, rest to now;
+    colliding : int, number of points that bones or other muscles hold off;
+    positions : (m, 3), the solved points, relative to the centre of the muscle at rest [mm];
+    velocities : (m, 3) or None, of the solved points [mm / s]; None for points without velocities.
     """
 
     surface: Floats
@@ -158,31 +151,17 @@ class PBDSolver:
     The method is position based dynamics. The solver holds the constant data. :meth:`step` takes a state and
     gives the next, so that states can be kept and gone back to.
 
-    Parameters
-    ----------
-    muscle : FixedMuscle
-        The muscle.
-    parameters : Parameters
-        Settings of the method.
-    bones : mapping of int to Bone, optional
-        Bones that free points are kept out of, by index among the transforms.
-    clearance : float, optional
-        Distance that points keep from the bones [mm].
-    voxels : (int, int or None), optional
-        Number of voxels of a bone, and number along each axis. With a value, voxels keep points out of bones
-        in place of the surface.
+    muscle : FixedMuscle, the muscle;
+    parameters : Parameters, settings of the method;
+    bones : mapping of int to Bone, bones that free points are kept out of, by index among the transforms;
+    clearance : float, distance that points keep from the bones [mm];
+    voxels : (int, int or None), number of voxels of a bone, and number along each axis. With a value, voxels
+        keep points out of bones in place of the surface.
 
-    Attributes
-    ----------
-    shape : RestShape
-        The surface at rest.
-    rest : (n, 3) array
-        The surface's points, relative to the centre of the points' box [mm].
+    shape : RestShape, the surface at rest;
+    rest : (n, 3), the surface's points, relative to the centre of the points' box [mm].
 
-    Raises
-    ------
-    ValueError
-        If the surface is open or encloses no volume, or if no fibre has a length.
+    Raises a ValueError if the surface is open or encloses no volume, or if no fibre has a length.
     """
 
     def __init__(

@@ -59,14 +59,10 @@ _A: tuple[float, ...] = tuple(_ATAN.convert(kind=Polynomial).coef[::-1].tolist()
 class EdgeRows(NamedTuple):
     """The edges of a surface in solving order.
 
-    Attributes
-    ----------
-    points : (r, 4, WIDTH) uint32 array
-        Ends of each edge and third points of its triangles; n, an extra point, for a missing point.
-    constants : (r, N_CONSTANTS, WIDTH) array
-        Of each edge.
-    order : (k,) int array
-        Numbers of the edges in this order.
+    points : (r, 4, WIDTH) uint32, ends of each edge and third points of its triangles; n, an extra point, for
+        a missing point;
+    constants : (r, N_CONSTANTS, WIDTH), of each edge;
+    order : (k,) int, numbers of the edges in this order.
     """
 
     points: NDArray[np.uint32]
@@ -79,16 +75,11 @@ def edge_rows(
 ) -> EdgeRows:
     """Return the edges of a surface of n points in rows.
 
-    Parameters
-    ----------
-    quads : (k, 4) int array
-        Ends of each edge and third points of its two triangles, -1 for a missing point.
-    mass : (n,) array
-        1 for moveable points, 0 for fixed points; edges of fixed points are left out.
-    lengths, stiffness : (k,) arrays
-        Rest length [mm], and stiffness per iteration.
-    angles, angle_stiffness : (k,) arrays
-        Rest angle [radians], and stiffness per iteration, 0 for an edge without an angle.
+    quads : (k, 4) int, ends of each edge and third points of its two triangles, -1 for a missing point;
+    mass : (n,), 1 for moveable points, 0 for fixed points; edges of fixed points are left out;
+    lengths, stiffness : (k,), rest length [mm], and stiffness per iteration;
+    angles, angle_stiffness : (k,), rest angle [radians], and stiffness per iteration, 0 for an edge without
+        an angle.
     """
     n = len(mass)
     masses = np.append(mass, 0.0)[np.where(quads < 0, n, quads)]

@@ -182,17 +182,11 @@ def _flood_outside(cells: Cells) -> None:
 class VoxelContact:
     """Keeps a muscle's free points out of bone voxels.
 
-    Parameters
-    ----------
-    bones : mapping of int to Bone
-        Bones by index among the transforms; the voxels of a bone are made when a muscle first meets the
-        bone's box.
-    free : (n,) bool array
-        Points that may be moved.
-    n_max, n_equal
-        As of :func:`build_voxel_grid`.
-    bone_push : bool
-        Whether a bone takes along the points that the bone moved over.
+    bones : mapping of int to Bone, bones by index among the transforms; the voxels of a bone are made when a
+        muscle first meets the bone's box;
+    free : (n,) bool, points that may be moved;
+    n_max, n_equal, as of :func:`build_voxel_grid`;
+    bone_push : bool, whether a bone takes along the points that the bone moved over.
     """
 
     def __init__(

@@ -62,17 +62,11 @@ class Settling:
     volume and bones, for a given time; the rounds cut the time into steps. Volume and bones come last. The
     result depends on the arguments alone, not on earlier results.
 
-    Parameters
-    ----------
-    shape : RestShape
-        The muscle at rest.
-    fixed_to : (n,) int array
-        Index of the bone each point is fixed to, -1 for free points.
-    bones : mapping of int to Bone
-        Bones that free points are kept out of, by index: see
-        :class:`~vtkmuscle.core.bones.contact.BoneContact`.
-    clearance : float, optional
-        Distance that points keep from the bones [mm].
+    shape : RestShape, the muscle at rest;
+    fixed_to : (n,) int, index of the bone each point is fixed to, -1 for free points;
+    bones : mapping of int to Bone, bones that free points are kept out of, by index: see
+        :class:`~vtkmuscle.core.bones.contact.BoneContact`;
+    clearance : float, distance that points keep from the bones [mm].
     """
 
     def __init__(
@@ -93,18 +87,12 @@ class Settling:
     ) -> SettlingResult:
         """Return the muscle settled in a pose.
 
-        Parameters
-        ----------
-        carried : (n, 3) array
-            The muscle's points as the paths carry the points [mm]; fixed points go with their bones.
-        transforms : (b, 4, 4) array
-            Of the bones, rest to now.
-        rounds : int
-            Steps of the diffusion, >= 1.
-        near : sequence of Neighbour, optional
-            Other muscles now, to keep the free points out of.
-        progress : callable, optional
-            Called after each round.
+        carried : (n, 3), the muscle's points as the paths carry the points [mm]; fixed points go with their
+            bones;
+        transforms : (b, 4, 4), of the bones, rest to now;
+        rounds : int, steps of the diffusion, >= 1;
+        near : sequence of Neighbour, other muscles now, to keep the free points out of;
+        progress : callable, called after each round.
         """
         carried = carried.copy()
         for bone, fixed in self._fixed:
@@ -185,16 +173,10 @@ def _advance(points: Floats, out: Floats, direction: Floats, inside: Bools) -> N
 class CarriedPose:
     """A muscle in a pose of its bones.
 
-    Attributes
-    ----------
-    surface : (n, 3) array
-        Points of the settled muscle [mm].
-    carried : (n, 3) array
-        The points where paths or bones carry the muscle, before it settles [mm].
-    colliding : int
-        Number of points that bones or other muscles hold off.
-    skinned : SkinnedMuscle or None
-        The skinned muscle; None without paths.
+    surface : (n, 3), points of the settled muscle [mm];
+    carried : (n, 3), the points where paths or bones carry the muscle, before it settles [mm];
+    colliding : int, number of points that bones or other muscles hold off;
+    skinned : SkinnedMuscle or None, the skinned muscle; None without paths.
     """
 
     surface: Floats
@@ -209,21 +191,12 @@ class CarriedMuscle:
     Skinning moves the muscle with the paths. A muscle without paths is carried by the motions of the muscle's
     bones, blended by harmonic weights.
 
-    Parameters
-    ----------
-    muscle : FixedMuscle
-        The muscle at rest.
-    paths : (f, n, 3) array or None
-        The muscle's paths at rest [mm].
-    bones : mapping of int to Bone
-        Bones that the surface is kept out of, by index among the transforms.
-    clearance : float, optional
-        Distance that the surface keeps from the bones [mm].
+    muscle : FixedMuscle, the muscle at rest;
+    paths : (f, n, 3) or None, the muscle's paths at rest [mm];
+    bones : mapping of int to Bone, bones that the surface is kept out of, by index among the transforms;
+    clearance : float, distance that the surface keeps from the bones [mm].
 
-    Raises
-    ------
-    ValueError
-        If the surface is open or encloses no volume.
+    Raises a ValueError if the surface is open or encloses no volume.
     """
 
     def __init__(
@@ -245,14 +218,9 @@ class CarriedMuscle:
     def pose(self, paths: Floats | None, transforms: Floats, **settling: Any) -> CarriedPose:
         """Return the muscle in a pose.
 
-        Parameters
-        ----------
-        paths : (f, n, 3) array or None
-            The paths in the pose [mm].
-        transforms : (b, 4, 4) array
-            Of the bones, rest to now.
-        **settling
-            ``rounds``, ``near`` and ``progress`` of :meth:`Settling.settle`.
+        paths : (f, n, 3) or None, the paths in the pose [mm];
+        transforms : (b, 4, 4), of the bones, rest to now;
+        settling : ``rounds``, ``near`` and ``progress`` of :meth:`Settling.settle`.
         """
         skinned = None
         carried = self._points

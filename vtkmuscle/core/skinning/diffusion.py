@@ -27,11 +27,9 @@ class Diffusion:
     (:func:`~vtkmuscle.core.mesh.harmonic.cotangent_laplacian`). A field that is linear over a flat part of
     the mesh stays unchanged, however irregular the triangles are.
 
-    Attributes
-    ----------
-    time_unit : float
-        Unit of the times of :meth:`spread`: the median over the points of a point's area over the sum of the
-        point's weights, a quarter of a squared edge length where triangles are equilateral [mm^2].
+    time_unit : float, unit of the times of :meth:`spread`: the median over the points of a point's area over
+        the sum of the point's weights, a quarter of a squared edge length where triangles are equilateral
+        [mm^2].
     """
 
     def __init__(self, points: Floats, triangles: Ints) -> None:

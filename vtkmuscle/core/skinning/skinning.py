@@ -43,14 +43,9 @@ class SkinningWeights(NamedTuple):
 
     Points of paths carry p points along.
 
-    Attributes
-    ----------
-    points : (p, 3) array
-        At rest [mm].
-    carriers : (p, c) int array
-        Numbers of points of paths, in the order of paths.
-    weights : (p, c) array
-        Rows sum to 1.
+    points : (p, 3), at rest [mm];
+    carriers : (p, c) int, numbers of points of paths, in the order of paths;
+    weights : (p, c), rows sum to 1.
     """
 
     points: Floats
@@ -69,18 +64,11 @@ class Skinning:
     surface is as smooth as the paths, however few points the paths have. Near the fixed points the surface
     goes with the bone. At rest nothing moves.
 
-    Parameters
-    ----------
-    paths : (f, n, 3) array
-        Paths at rest, evenly spread points [mm].
-    ends : (2, f) int array
-        Bones of the first and the last point of each path.
-    surface : (v, 3) array
-        The muscle at rest [mm].
-    fixed_to : (v,) int array
-        Bone that each point is fixed to, -1 for free points.
-    thickness : float
-        Mean thickness of the muscle [mm].
+    paths : (f, n, 3), paths at rest, evenly spread points [mm];
+    ends : (2, f) int, bones of the first and the last point of each path;
+    surface : (v, 3), the muscle at rest [mm];
+    fixed_to : (v,) int, bone that each point is fixed to, -1 for free points;
+    thickness : float, mean thickness of the muscle [mm].
     """
 
     def __init__(
@@ -192,14 +180,9 @@ class Skinning:
 class SkinnedMuscle(NamedTuple):
     """A muscle taken along by paths in a pose.
 
-    Attributes
-    ----------
-    rest, nodes : (f n, 3) arrays
-        Points of the paths at rest and now [mm].
-    frames : (f n, 3, 3) array
-        Turn and stretch of the muscle about each point.
-    surface : (v, 3) array
-        Points of the muscle's surface [mm].
+    rest, nodes : (f n, 3), points of the paths at rest and now [mm];
+    frames : (f n, 3, 3), turn and stretch of the muscle about each point;
+    surface : (v, 3), points of the muscle's surface [mm].
     """
 
     rest: Floats
