@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.contact import BoneContact
@@ -26,14 +25,7 @@ from vtkmuscle.core.mesh.rest_shape import RestShape, Volume, project_volume
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import blend_motions, screws_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverses
-from vtkmuscle.core.pbd.sweep import (
-    WIDTH,
-    edge_rows,
-    edge_stiffness,
-    fibre_directions_at,
-    harmonic_directions,
-    project_edges,
-)
+from vtkmuscle.core.pbd import sweep
 from vtkmuscle.core.pbd.voxels import VoxelContact
 from vtkmuscle.core.types import Bools, Floats, Progress, quiet
 
@@ -176,9 +168,9 @@ class PBDSolver:
         points, fixed_to, topology = muscle.points, muscle.fixed_to, muscle.topology()
         directions = None
         if muscle.fibres is not None:
-            directions = fibre_directions_at(points[topology.edges].mean(axis=1), *muscle.fibres)
+            directions = sweep.fibre_directions_at(points[topology.edges].mean(axis=1), *muscle.fibres)
         elif parameters.anisotropy == "always":
-            directions = harmonic_directions(points, topology, fixed_to)
+            directions = sweep.harmonic_directions(points, topology, fixed_to)
         self.shape = shape = RestShape(points, topology)
         self.centre: Floats = (points.min(axis=0) + points.max(axis=0)) / 2.0
         self.rest: Floats = points - self.centre
@@ -194,7 +186,7 @@ class PBDSolver:
         edges = topology.edges
         stiffness = np.full(len(edges), parameters.stiffness)
         if directions is not None and parameters.anisotropy != "off":
-            stiffness *= edge_stiffness(points, edges, directions)
+            stiffness *= sweep.edge_stiffness(points, edges, directions)
         # Quadruples are in the order of the edges; those of more than two triangles have none.
         quads = np.column_stack([edges, np.full_like(edges, -1)])
         ends = np.sort(topology.quads[:, :2], axis=1)
@@ -205,12 +197,12 @@ class PBDSolver:
         angle_stiffness[with_angle] = np.where(shape.angle_defined, parameters.shape_stiffness, 0.0)
         lengths = shape.lengths, stiffness
         #: The edges in the order in which they are solved.
-        self.rows = edge_rows(quads, self._mass, *lengths, angles, angle_stiffness)
+        self.rows = sweep.edge_rows(quads, self._mass, *lengths, angles, angle_stiffness)
         # Eq. 1 divides by the gradients of all points.
         volume = topology.triangles, shape.volume, parameters.volume_stiffness, 0.0
         self._volume = self._mass, np.ones(len(points)), *volume, np.empty_like(self.rest)
         self._exact = Volume(shape, free)
-        self._buffer = np.empty(12 * WIDTH)
+        self._buffer = np.empty(12 * sweep.WIDTH)
         self._as_carried: Floats | None = None  # constants of the edges, with their lengths in a pose
 
     def at_rest(self, n_bones: int) -> State:
@@ -258,8 +250,7 @@ class PBDSolver:
         p = self._with_fixed_points(start - self.centre, transforms)
         if self._as_carried is None:
             self._as_carried = self.rows.constants.copy()
-        first, second = (p[self.rows.points[:, end]] for end in (0, 1))
-        self._as_carried[:, 5] = np.linalg.norm(first - second, axis=2)  # rest lengths
+        sweep.take_lengths(p, self.rows.points, self._as_carried)
         keep_out = self._keep_out(transforms, transforms, p[:-1].copy(), neighbours)
         held = self._iterate(p, self._as_carried, keep_out, progress)
         if self.parameters.finish:
@@ -291,10 +282,10 @@ class PBDSolver:
         rows, signed, buffer = (self.rows.points, constants), settings.signed_angles, self._buffer
         for iteration in range(settings.iterations):
             by_edge = settings.order == "edge"
-            project_edges(p, *rows, True, by_edge, signed, buffer)
+            sweep.project_edges(p, *rows, True, by_edge, signed, buffer)
             project_volume(p[:-1], *self._volume)
             if not by_edge:
-                project_edges(p, *rows, False, True, signed, buffer)
+                sweep.project_edges(p, *rows, False, True, signed, buffer)
             met |= keep_out(p[:-1])
             progress((iteration + 1) / settings.iterations)
         return met
@@ -303,8 +294,10 @@ class PBDSolver:
         """Return the number of parts of a step, by the greatest turn of two bones against each other."""
         bones = [bone for bone, _ in self._fixed]
         turns = (now[bones] @ inverses(before[bones]))[:, :3, :3]
-        against = Rotation.from_matrix(turns[1:] @ turns[:1].swapaxes(1, 2)).magnitude()
-        return max(1, math.ceil(math.degrees(against.max(initial=0.0)) / LARGEST_TURN - 1e-6))
+        # Of a turn by t, the squares of R - 1 sum to 8 sin^2 t/2; so do those of the difference of two turns.
+        squares = ((turns[1:] - turns[:1]) ** 2).sum(axis=(1, 2)).max(initial=0.0)
+        turn = 2.0 * math.degrees(math.asin(min(math.sqrt(squares / 8.0), 1.0)))
+        return max(1, math.ceil(turn / LARGEST_TURN - 1e-6))
 
     def _carried(self, x: Floats, before: Floats, now: Floats) -> Floats:
         """Return points moved by the bones' blended motions, (n, 3)."""
