@@ -19,7 +19,7 @@ from vtkmuscle.core.skinning.carried_muscle import CarriedPose
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import add_arrays, field_array, with_points
 from vtkmuscle.filters.base.docstrings import entry
-from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.parameters import Parameter, quality_of
 
 _DEFAULT = Parameters()
 
@@ -83,7 +83,7 @@ class DeformerSettings:
         Memory for stored frames; the last two are kept even with 0.
     """
 
-    quality: Parameter[str | None] = Parameter(str, default=None, choices=tuple(PRESETS), sets=PRESETS)
+    quality = quality_of(PRESETS)
     iterations = _of_solver("iterations", minimum=1, maximum=10_000)
     solved_triangles = Parameter(int, default=3000, minimum=0, maximum=10**8)
     prediction = _of_solver("prediction", choices=("bones", "velocity"))

@@ -16,6 +16,7 @@ from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
 from vtkmuscle.data.muscle_geometry import Neighbours, Surface
 from vtkmuscle.data.paths import PathLines
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
+from vtkmuscle.filters.base.parameters import quality_of
 from vtkmuscle.filters.deformer import deformed_muscle
 
 #: Rounds of settling by quality: time grows with the rounds.
@@ -117,12 +118,7 @@ class PathDeformer(Filter):
     True
     """
 
-    quality: Parameter[str | None] = Parameter(
-        str,
-        default=None,
-        choices=tuple(ROUNDS),
-        sets={name: {"iterations": rounds} for name, rounds in ROUNDS.items()},
-    )
+    quality = quality_of({name: {"iterations": rounds} for name, rounds in ROUNDS.items()})
     iterations = Parameter(int, default=ROUNDS["balanced"], minimum=1, maximum=10_000)
     bone_clearance = Parameter(float, default=0.0, minimum=0.0, units="mm")
     measure_shape = Parameter(bool, default=False)

@@ -22,6 +22,7 @@ from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.data.paths import LENGTH, LEVER, PATH_STEPS, REST_POSITION, SAG, SQUEEZED, UNSETTLED
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
+from vtkmuscle.filters.base.parameters import quality_of
 
 #: Segments of a path, and solved paths, by quality.
 PATH_PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
@@ -119,9 +120,7 @@ class TautPaths(Filter):
     (8, True)
     """
 
-    quality: Parameter[str | None] = Parameter(
-        str, default=None, choices=tuple(PATH_PRESETS), sets=PATH_PRESETS
-    )
+    quality = quality_of(PATH_PRESETS)
     resolution = Parameter(int, default=POINTS - 1, minimum=4, maximum=1000)
     n_paths = Parameter(int, default=ALL_PATHS, minimum=LEAST_PATHS, maximum=ALL_PATHS)
     levers = Parameter(bool, default=True)

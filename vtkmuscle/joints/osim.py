@@ -27,8 +27,7 @@ _PLAIN = {
     "PinJoint": ("z", ""),
     "SliderJoint": ("", "x"),
     "UniversalJoint": ("xy", ""),
-    "BallJoint": ("xyz", ""),
-    "GimbalJoint": ("xyz", ""),
+    **dict.fromkeys(("BallJoint", "GimbalJoint"), ("xyz", "")),
     "PlanarJoint": ("z", "xy"),
     "FreeJoint": ("xyz", "xyz"),
 }

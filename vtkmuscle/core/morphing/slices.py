@@ -126,13 +126,9 @@ class Box:
 
     def __init__(self, transform: Floats) -> None:
         self.sides: Floats = np.linalg.norm(transform[:3, :3], axis=0)
+        self.length = float(self.sides[2])
         self._frame: Floats = transform[:3, :3] / self.sides
         self._corner: Floats = transform[:3, 3]
-
-    @property
-    def length(self) -> float:
-        """Length along z [mm]."""
-        return float(self.sides[2])
 
     def coordinates(self, points: Floats) -> Floats:
         """Return points (n, 3) along the sides [mm]. From corner Q0."""
