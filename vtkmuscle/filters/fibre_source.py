@@ -17,8 +17,7 @@ from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
 from vtkmuscle.data.attachments import ROLES, Aponeurosis, AttachmentArea, aponeuroses_of, areas_of_role
-from vtkmuscle.data.end_surfaces import aponeurosis_surfaces, attached_surface
-from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface, aponeurosis_surfaces, attached_surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
