@@ -20,8 +20,7 @@ from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_deformed, tr
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, cell_array
 from vtkmuscle.data.attachments import Areas
-from vtkmuscle.data.end_surfaces import inner_areas
-from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.data.muscle_geometry import Surface, inner_areas
 from vtkmuscle.data.paths import PathLines, add_path_arrays
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 

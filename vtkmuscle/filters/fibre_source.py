@@ -16,8 +16,7 @@ from vtkmuscle.core.fibres.between_areas import (
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
 from vtkmuscle.data.attachments import ROLES, Aponeurosis, Areas, aponeuroses_of, areas_of_role
-from vtkmuscle.data.end_surfaces import aponeurosis_surfaces, attached_surface
-from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface, aponeurosis_surfaces, attached_surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource

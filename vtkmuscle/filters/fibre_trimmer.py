@@ -14,8 +14,7 @@ from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.data.end_surfaces import inner_areas
-from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface, inner_areas
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 #: Largest distance between a fibre's end and an area, or a fibre and the muscle, in mean edges: below it a

@@ -16,7 +16,7 @@ from vtkmuscle.core.pbd.levels import FINE_ITERATIONS, TwoLevels, coarse_fixed_p
 from vtkmuscle.core.pbd.solver import Parameters, PBDSolver, State
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays
-from vtkmuscle.data.isosurface import decimated
+from vtkmuscle.data.label_images import decimated
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
 from vtkmuscle.data.muscle_geometry import Neighbours, Surface
 from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, ports

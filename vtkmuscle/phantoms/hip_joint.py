@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -14,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data import toml_table
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import Solid, ball, spline_net, thick_curve, thick_sheet, union
 from vtkmuscle.phantoms.meshing import mesh_of
@@ -36,7 +35,7 @@ OUTWARD = np.array([-0.80, -0.33, -0.50]) / np.linalg.norm([-0.80, -0.33, -0.50]
 RIM = 7.0 * OUTWARD
 
 #: Tables of hip.toml [mm].
-SHAPES: dict[str, Any] = tomllib.loads((files("vtkmuscle.phantoms") / "hip.toml").read_text(encoding="utf-8"))
+SHAPES = toml_table("vtkmuscle.phantoms", "hip.toml")
 WING = np.array(SHAPES["wing"]["knots"], dtype=np.float64)
 
 

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import Delaunay
 
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.isosurface import evened, isosurface
+from vtkmuscle.data.label_images import evened, isosurface
 from vtkmuscle.phantoms.implicit import Solid
 
 
