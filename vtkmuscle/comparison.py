@@ -86,10 +86,8 @@ class Comparison:
                 axes.set_visible(False)
             for axes, (quantity, runs) in zip(row, quantities.items(), strict=False):
                 for name, curve in runs.items():
-                    colour = f"C{self.names.index(name) % 10}"
-                    axes.plot(
-                        curve.x, curve.mean, "." if len(curve.x) == 1 else "-", color=colour, label=name
-                    )
+                    look = {"color": f"C{self.names.index(name) % 10}", "label": name}
+                    axes.plot(curve.x, curve.mean, "." if len(curve.x) == 1 else "-", **look)
                 coordinate = curve.over.partition(" [")[0].replace(" ", "_")
                 published = curves_for(self.literature.get(muscle, ()), coordinate=coordinate)
                 if quantity.startswith("moment arm") and published:
@@ -194,22 +192,21 @@ def _named(results: Sequence[Result | str | PathLike[str]]) -> dict[str, Result]
 
 def curves_of(result: Result, muscle: str) -> list[Curve]:
     """Return the curves of a muscle of a run: lengths of paths and fibres, and moment arms."""
-    curves = []
+    name, bracket, unit = result.time_label.partition(" [")  # ``hip flexion r [deg]``, without the side
+    curves, over = [], side_apart(name.replace(" ", "_")).replace("_", " ")
     for quantity, lengths in ((_LENGTH, result.lengths), ("fibre length", result.fibre_lengths)):
         if muscle in lengths:
             times = np.asarray(result.times[: len(lengths[muscle])], dtype=np.float64)
-            curves.append(_curve((quantity, _without_side(result.time_label), "mm"), times, lengths[muscle]))
-    arms = result.all_arms
-    for name, joint in arms[muscle].items() if muscle in arms else ():
-        curves.append(_curve(_arm_labels(name, joint.unit), joint.values, joint.arms))
+            curves.append(_curve((quantity, f"{over}{bracket}{unit}", "mm"), times, lengths[muscle]))
+    for name, joint in result.all_arms.get(muscle, {}).items():
+        label, unit = side_apart(name).replace("_", " "), "mm" if joint.unit in ANGLES else "1"
+        labels = f"moment arm, {label}", f"{label} [{joint.unit}]", unit
+        curves.append(_curve(labels, joint.values, joint.arms))
     return curves
 
 
 def difference(curve: Curve, reference: Curve) -> tuple[float | None, ...]:
-    """Return figures of a curve minus a reference curve, within the reference's range.
-
-    Mean, root mean square, largest value, and its position; None if the ranges do not overlap.
-    """
+    """Return figures of a curve minus a reference curve, within the reference's range."""
     inside = (curve.x >= reference.x[0] - 1e-9) & (curve.x <= reference.x[-1] + 1e-9)
     if curve is reference or not inside.any():
         return (None,) * 4
@@ -220,18 +217,6 @@ def difference(curve: Curve, reference: Curve) -> tuple[float | None, ...]:
     return float(apart.mean()), root, float(apart[worst]), float(x[worst])
 
 
-def _arm_labels(coordinate: str, unit: str) -> tuple[str, str, str]:
-    """Return quantity, axis and unit of moment arms."""
-    label = side_apart(coordinate).replace("_", " ")
-    return f"moment arm, {label}", f"{label} [{unit}]", "mm" if unit in ANGLES else "1"
-
-
 def _curve(labels: tuple[str, str, str], x: Floats, rows: Floats) -> Curve:
     order = np.argsort(x, kind="stable")
     return Curve(*labels, x[order], rows[order].mean(axis=1))
-
-
-def _without_side(label: str) -> str:
-    """Return the label of an axis without a side. ``hip flexion [deg]`` of ``hip flexion r [deg]``."""
-    name, bracket, unit = label.partition(" [")
-    return side_apart(name.replace(" ", "_")).replace("_", " ") + bracket + unit

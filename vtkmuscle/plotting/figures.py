@@ -23,25 +23,15 @@ from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn
+from vtkmuscle.plotting import sheets, views
 from vtkmuscle.plotting.drawing import MuscleFrame
-from vtkmuscle.plotting.sheets import (
-    DOTS_PER_INCH,
-    LEGEND_FONT,
-    Panel,
-    blank_figure,
-    curves,
-    legend_columns,
-    sheet,
-)
 from vtkmuscle.plotting.studio import Studio, actors_of, fixed_bones, position_colours, strain_colours
-from vtkmuscle.plotting.views import FIBRE_MAP, MUSCLE_RED, PALETTE, PLACE_MAP, View, clearest_view
 
 
 def plot_rest_pose(
     muscles: Mapping[str, vtkPolyData],
-    bones: DrawnBones,
+    bones: views.DrawnBones,
     studio: Studio,
     *,
     title: str = "",
@@ -68,28 +58,30 @@ def plot_rest_pose(
     hiding = bones.spread()
     panels = []
     if len(muscles) > 1:
-        overview = clearest_view(list(muscles.values()), [hiding] * len(muscles))
+        overview = views.clearest_view(list(muscles.values()), [hiding] * len(muscles))
         actors = actors_of(list(muscles.values()), overview)
-        panels.append(Panel(studio.picture(actors, overview, bones=bones), "all muscles", overview))
+        panels.append(sheets.Panel(studio.picture(actors, overview, bones=bones), "all muscles", overview))
     for name, muscle in muscles.items():
-        view = clearest_view([muscle], [hiding])
-        panels.append(Panel(_with_fixed_points(bones, muscle, view, studio), name.replace("_", " "), view))
+        view = views.clearest_view([muscle], [hiding])
+        image = _with_fixed_points(bones, muscle, view, studio)
+        panels.append(sheets.Panel(image, name.replace("_", " "), view))
     fixed_to = np.concatenate([fixed_bones(muscle) for muscle in muscles.values()])
     handles, labels = [], []
     for i, name in enumerate(bones.by_name):
         if count := np.count_nonzero(fixed_to == i):
-            colour = PALETTE[i % len(PALETTE)]
+            colour = views.PALETTE[i % len(views.PALETTE)]
             handles.append(Line2D([], [], linestyle="", marker="o", markersize=9, color=colour))
             labels.append(f"fixed to {name} ({count} points)")
-    figure = sheet(panels, title, units, legend=labels)
-    columns = legend_columns(figure.get_figwidth(), labels)
-    figure.legend(handles, labels, loc="lower center", ncols=columns, frameon=False, fontsize=LEGEND_FONT)
+    figure = sheets.sheet(panels, title, units, legend=labels)
+    columns = sheets.legend_columns(figure.get_figwidth(), labels)
+    look = {"frameon": False, "fontsize": sheets.LEGEND_FONT}
+    figure.legend(handles, labels, loc="lower center", ncols=columns, **look)
     return figure
 
 
 def plot_muscle(
     frames: Sequence[MuscleFrame],
-    bones: DrawnBones,
+    bones: views.DrawnBones,
     studio: Studio,
     *,
     rest_fibres: vtkPolyData | None = None,
@@ -117,7 +109,7 @@ def plot_muscle(
         For ``savefig``.
     """
     hiding = [bones.spread(frame.transforms) for frame in frames]
-    view = clearest_view([frame.muscle for frame in frames], hiding)
+    view = views.clearest_view([frame.muscle for frame in frames], hiding)
     strains: list[Floats] = []
     limit = 1.0
     if rest_fibres is not None:
@@ -130,11 +122,11 @@ def plot_muscle(
         colours = None if strain is None else strain_colours(strain, limit)
         actors = actors_of([frame.muscle], view, fibres=frame.fibres, colours=colours, finer=studio.finer)
         image = studio.picture(actors, view, bones=bones, transforms=frame.transforms)
-        panels.append(Panel(image, frame.label, view))
-    figure = sheet(panels, title, units)
+        panels.append(sheets.Panel(image, frame.label, view))
+    figure = sheets.sheet(panels, title, units)
     if strains:
         bar = figure.add_axes((0.35, 0.45 / figure.get_figheight(), 0.3, 0.12 / figure.get_figheight()))
-        scale = ScalarMappable(Normalize(-limit, limit), FIBRE_MAP)
+        scale = ScalarMappable(Normalize(-limit, limit), views.FIBRE_MAP)
         figure.colorbar(scale, cax=bar, orientation="horizontal", extend="both")
         bar.set_title("change of fibre length since rest [%]", fontsize=10)
     return figure
@@ -168,20 +160,24 @@ def plot_lengths(
         For ``savefig``.
     """
     values = np.asarray(lengths, dtype=np.float64)
-    figure, axes = curves(title, time_label, f"{of} length [{units}]")
+    figure = sheets.blank_figure(7.0, 4.6)
+    axes = figure.add_axes((0.12, 0.115, 0.86, 0.805))
+    axes.set_title(title, y=1.0)
+    axes.set(xlabel=time_label, ylabel=f"{of} length [{units}]")
+    axes.spines[["top", "right"]].set_visible(False)
     marker = "o" if len(values) == 1 else ""
+    look: dict[str, Any] = {"color": views.MUSCLE_RED, "linewidth": 0.7}
+    axes.add_collection(_lines(np.asarray(times), values, colors=views.MUSCLE_RED, alpha=0.25))
     if marker:
-        axes.plot(times, values, color=MUSCLE_RED, alpha=0.25, linewidth=0.7, marker=marker, markersize=3)
-    else:
-        axes.add_collection(_lines(np.asarray(times), values, colors=MUSCLE_RED, alpha=0.25))
-    axes.plot([], [], color=MUSCLE_RED, alpha=0.5, linewidth=0.7, label=f"{values.shape[1]} {of}s")
+        axes.plot(times, values, alpha=0.25, marker=marker, markersize=3, **look)
+    axes.plot([], [], alpha=0.5, label=f"{values.shape[1]} {of}s", **look)
     axes.plot(times, values.mean(axis=1), color="black", linewidth=2.2, marker=marker, label="mean")
     axes.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     return figure
 
 
 def _with_fixed_points(
-    bones: DrawnBones, muscle: vtkPolyData, view: View, studio: Studio
+    bones: views.DrawnBones, muscle: vtkPolyData, view: views.View, studio: Studio
 ) -> NDArray[np.uint8]:
     """Return a picture with the fixed points, also through bones."""
     actors = actors_of([muscle], view, fixed_points=True, finer=studio.finer)
@@ -209,7 +205,7 @@ _HEIGHT, _PICTURE = 4.8, 4.0
 
 def plot_moment_arms(
     arms: Mapping[str, JointArms],
-    bones: DrawnBones | None = None,
+    bones: views.DrawnBones | None = None,
     studio: Studio | None = None,
     *,
     rest: MuscleFrame | None = None,
@@ -244,14 +240,14 @@ def plot_moment_arms(
     panel = None
     positions = None if rest is None or rest.fibres is None else positions_across(rest.fibres)
     if rest is not None and positions is not None and bones is not None and studio is not None:
-        view = clearest_view([rest.muscle], [bones.spread()])
-        view = replace(view, area=view.aspect * (_PICTURE * DOTS_PER_INCH) ** 2)  # pixel for pixel
+        view = views.clearest_view([rest.muscle], [bones.spread()])
+        view = replace(view, area=view.aspect * (_PICTURE * sheets.DOTS_PER_INCH) ** 2)  # pixel for pixel
         colours = position_colours(positions)
         actors = actors_of([rest.muscle], view, fibres=rest.fibres, colours=colours, finer=studio.finer)
-        panel = Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
+        panel = sheets.Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
     left = 0.0 if panel is None else _PICTURE * panel.view.aspect + 0.5
     width = 9.0 * len(arms) + left
-    figure = blank_figure(width, _HEIGHT)
+    figure = sheets.blank_figure(width, _HEIGHT)
     if rest is not None and rest.label:
         figure.suptitle(rest.label)
     if panel is not None:
@@ -277,10 +273,7 @@ def plot_moment_arms(
 
 
 def positions_across(fibres: vtkPolyData) -> Floats:
-    """Return fibre positions (n,) across the muscle, 0 to 1.
-
-    The axis is the first principal axis of the fibres' midpoints, perpendicular to the mean fibre direction.
-    """
+    """Return fibre positions (n,) across the muscle, 0 to 1."""
     lines = polylines_of(fibres, "plotting: fibres")
     first, last = lines.offsets[:-1], lines.offsets[1:] - 1
     middles = lines.points[(first + last) // 2]
@@ -297,10 +290,9 @@ def _draw_arms(axes: Axes, joint_arms: JointArms, positions: Floats | None) -> N
     # A sweep up and down repeats values: curves are drawn by ascending value.
     order = np.argsort(joint_arms.values, kind="stable")
     values, mean, arms = joint_arms.values[order], joint_arms.mean[order], joint_arms.arms[order]
-    plain = positions is None
-    look: dict[str, Any] = {"colors": MUSCLE_RED} if plain else {"array": positions, "cmap": PLACE_MAP}
-    lines = axes.add_collection(_lines(values, arms, alpha=0.6, **look))
-    colour = lines.get_edgecolor()[0] if plain else "#2a788e"
+    look: dict[str, Any] = {"array": positions, "cmap": views.PLACE_MAP}
+    colour = views.MUSCLE_RED if positions is None else "#2a788e"
+    axes.add_collection(_lines(values, arms, alpha=0.6, **{"colors": colour} if positions is None else look))
     axes.plot([], [], color=colour, linewidth=0.9, label=f"{arms.shape[1]} paths")
     axes.plot(values, mean, color="black", linewidth=2.0, label="mean")
     if joint_arms.quartic is not None:
@@ -310,11 +302,7 @@ def _draw_arms(axes: Axes, joint_arms: JointArms, positions: Floats | None) -> N
 
 
 def shown_range(arms: Floats, mean: Floats) -> tuple[float, float]:
-    """Return axis limits for the mean and most paths.
-
-    Paths count from their 1st to 99th percentile, plus a margin of a tenth, so that a spike of a few paths
-    does not flatten the axis.
-    """
+    """Return axis limits for the mean and most paths."""
     low, high = np.percentile(arms, (1.0, 99.0))
     low, high = min(float(low), float(mean.min()), 0.0), max(float(high), float(mean.max()), 0.0)
     margin = 0.1 * max(high - low, 1e-9)
@@ -326,7 +314,7 @@ def draw_literature(axes: Axes, curves: Sequence[LiteratureCurve], per_degree: f
     of_source: dict[str, str] = {}
     low, high = axes.get_ylim()
     for curve in drawn(curves):
-        colour = of_source.setdefault(curve.source, PALETTE[len(of_source) % len(PALETTE)])
+        colour = of_source.setdefault(curve.source, views.PALETTE[len(of_source) % len(views.PALETTE)])
         angles, top = curve.angles * per_degree, curve.arms if curve.upper is None else curve.upper
         look: dict[str, Any] = {"color": colour, "label": curve.label}
         if curve.upper is not None:

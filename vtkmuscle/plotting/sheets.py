@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -124,14 +123,3 @@ def save_figure(figure: Figure, path: Path, form: str = "png", dpi: float = DOTS
     text_stays_text = {"pdf.fonttype": 42, "svg.fonttype": "none"}
     with replacing(path) as partial, rc_context(text_stays_text):
         figure.savefig(partial, format=form, dpi=dpi, **options)
-
-
-def curves(title: str, time_label: str, value_label: str) -> tuple[Figure, Axes]:
-    """Return a figure and axes for curves over time."""
-    figure = blank_figure(7.0, 4.6)
-    axes = figure.add_axes((0.12, 0.115, 0.86, 0.805))
-    axes.set_title(title, y=1.0)
-    axes.set_xlabel(time_label)
-    axes.set_ylabel(value_label)
-    axes.spines[["top", "right"]].set_visible(False)
-    return figure, axes
