@@ -1,12 +1,15 @@
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
+from scipy.stats import qmc
 from shapes import grid
 
-from vtkmuscle.core.mesh.sampling import PatchSamples, even_samples, samples_inside, space_order
+from vtkmuscle.core.mesh.sampling import PatchSamples, even_samples, samples_inside, sobol, space_order
 
 
 def sheet(size=8, spacing=5.0):
@@ -85,6 +88,16 @@ def test_positions_in_a_body_are_of_even_density():
 
 
 @pytest.mark.parametrize("dimensions", [2, 3])
+@pytest.mark.parametrize(("count", "dimension", "first"), [(1, 1, 0), (100, 2, 0), (777, 3, 3 * 8192)])
+def test_sobol_numbers_are_those_of_scipy(count, dimension, first):
+    sequence = qmc.Sobol(dimension, scramble=False)
+    if first:
+        sequence.fast_forward(first)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of counts that are no power of two
+        np.testing.assert_array_equal(sobol(count, dimension, first=first), sequence.random(count))
+
+
 def test_neighbours_in_the_order_are_neighbours_in_space(dimensions):
     places = np.random.default_rng(0).random((4096, dimensions))
     order = space_order(places)
