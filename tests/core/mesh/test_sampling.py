@@ -87,7 +87,6 @@ def test_positions_in_a_body_are_of_even_density():
     assert_allclose(np.histogram(samples[:, 2], 4, (-50.0, 50.0))[0] / 3000, 0.25, atol=0.015)
 
 
-@pytest.mark.parametrize("dimensions", [2, 3])
 @pytest.mark.parametrize(("count", "dimension", "first"), [(1, 1, 0), (100, 2, 0), (777, 3, 3 * 8192)])
 def test_sobol_numbers_are_those_of_scipy(count, dimension, first):
     sequence = qmc.Sobol(dimension, scramble=False)
@@ -98,6 +97,7 @@ def test_sobol_numbers_are_those_of_scipy(count, dimension, first):
         np.testing.assert_array_equal(sobol(count, dimension, first=first), sequence.random(count))
 
 
+@pytest.mark.parametrize("dimensions", [2, 3])
 def test_neighbours_in_the_order_are_neighbours_in_space(dimensions):
     places = np.random.default_rng(0).random((4096, dimensions))
     order = space_order(places)
