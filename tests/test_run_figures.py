@@ -79,7 +79,7 @@ def test_figures_are_written_in_each_form_or_not_at_all(renders, scene, tmp_path
     assert b"<image" in written["spindle_frames"].read_bytes()
     for path in (tmp_path / "png").iterdir():
         assert pv.read(path).point_data.active_scalars.std() > 5.0, f"{path.name} is blank"
-    assert pv.read(tmp_path / "png/spindle_lengths.png").dimensions == (525, 345, 1)
+    assert pv.read(tmp_path / "png/spindle_lengths.png").dimensions == (531, 315, 1)
     assert pv.global_theme.to_dict() == theme
     for options, words in (({"form": "jpg"}, "png, pdf, svg"), ({"dpi": 0}, "20 to 2400")):
         with pytest.raises(ValueError, match=words):

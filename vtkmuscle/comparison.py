@@ -14,7 +14,7 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
-from vtkmuscle.io.literature import LiteratureCurve, curves_for, read_literature, side_apart
+from vtkmuscle.io.literature import LiteratureCurve, curves_for, in_words, read_literature, side_apart
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.table import Table
 
@@ -198,7 +198,13 @@ def curves_of(result: Result, muscle: str) -> list[Curve]:
     for quantity, lengths in ((_LENGTH, result.lengths), ("fibre length", result.fibre_lengths)):
         if muscle in lengths:
             times = np.asarray(result.times[: len(lengths[muscle])], dtype=np.float64)
-            curves.append(_curve((quantity, _without_side(result.time_label), "mm"), times, lengths[muscle]))
+            curves.append(
+                _curve(
+                    (quantity, result.time_label.removeprefix("right ").removeprefix("left "), "mm"),
+                    times,
+                    lengths[muscle],
+                )
+            )
     arms = result.all_arms
     for name, joint in arms[muscle].items() if muscle in arms else ():
         curves.append(_curve(_arm_labels(name, joint.unit), joint.values, joint.arms))
@@ -222,16 +228,10 @@ def difference(curve: Curve, reference: Curve) -> tuple[float | None, ...]:
 
 def _arm_labels(coordinate: str, unit: str) -> tuple[str, str, str]:
     """Return quantity, axis and unit of moment arms."""
-    label = side_apart(coordinate).replace("_", " ")
-    return f"moment arm, {label}", f"{label} [{unit}]", "mm" if unit in ANGLES else "1"
+    name = side_apart(coordinate)
+    return f"moment arm, {in_words(name)}", in_words(name, unit), "mm" if unit in ANGLES else "1"
 
 
 def _curve(labels: tuple[str, str, str], x: Floats, rows: Floats) -> Curve:
     order = np.argsort(x, kind="stable")
     return Curve(*labels, x[order], rows[order].mean(axis=1))
-
-
-def _without_side(label: str) -> str:
-    """Return the label of an axis without a side. ``hip flexion [deg]`` of ``hip flexion r [deg]``."""
-    name, bracket, unit = label.partition(" [")
-    return side_apart(name.replace(" ", "_")).replace("_", " ") + bracket + unit

@@ -107,15 +107,24 @@ class FigureOrder:
     rendered: bool = False
 
     def write(
-        self, folder: Path, bones: DrawnBones, studio: Studio, form: str = "png", dpi: float = 150.0
+        self,
+        folder: Path,
+        bones: DrawnBones,
+        studio: Studio,
+        form: str = "png",
+        dpi: float = 300.0,
+        **more: float,
     ) -> Path:
         """Draw the figure into a folder; return the file."""
-        from vtkmuscle.plotting.sheets import save_figure  # noqa: PLC0415 -- loads matplotlib
+        from matplotlib import rc_context  # noqa: PLC0415 -- only figures need it
+
+        from vtkmuscle.plotting.sheets import STYLE, save_figure  # noqa: PLC0415
 
         scene = {"bones": bones, "studio": studio} if self.rendered else {}
         path = folder / f"{self.name}.{form}"
-        figure = getattr(vtkmuscle.plotting, self.plot)(**self.arguments, **scene)
-        save_figure(figure, path, form, dpi)
+        with rc_context(STYLE):
+            figure = getattr(vtkmuscle.plotting, self.plot)(**self.arguments, **scene, **more)
+            save_figure(figure, path, form, dpi)
         return path
 
 

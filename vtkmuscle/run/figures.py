@@ -18,9 +18,11 @@ from numpy.typing import NDArray
 
 from vtkmuscle import plotting
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import names, suggestion
 from vtkmuscle.data.arrays import blocks_of, points_of
 from vtkmuscle.data.drawn_bones import DrawnBones
+from vtkmuscle.io.literature import in_words
 from vtkmuscle.io.writing import replacing
 from vtkmuscle.plotting.drawing import FigureOrder, MuscleFrame, can_render
 from vtkmuscle.plotting.views import fibre_surface
@@ -75,20 +77,31 @@ class Drawing:
         return entry | {"reason": reason}, seconds
 
 
-def write_figures(folder: str | Path, result: Result, *, form: str = "png", dpi: float = 150.0) -> list[Path]:
+def write_figures(
+    folder: str | Path, result: Result, *, form: str = "png", dpi: float = 300.0, width: float = 180.0
+) -> list[Path]:
     """Write all figures; see :meth:`vtkmuscle.Result.write_figures`."""
     if form not in FORMS:
         raise InputError(form, "unknown format of figures", "allowed: png, pdf, svg")
     if not 20.0 <= dpi <= 2400.0:
         raise InputError("", f"dpi is {dpi:g}, but must be 20 to 2400", "e.g. 300")
+    if not 60.0 <= width <= 400.0:
+        raise InputError(
+            "", f"width is {width:g} mm, but must be 60 to 400", "journals have columns of 85 and 180"
+        )
     reason = can_render()
     if reason is not None:
         raise RuntimeError(f"no figures can be made: {reason}")
-    return _drawn(figures_of(result), Path(folder), result.drawn_bones, form, dpi)
+    return _drawn(figures_of(result), Path(folder), result.drawn_bones, form, dpi, width=width)
 
 
 def _drawn(
-    orders: list[FigureOrder], folder: Path, bones: DrawnBones, form: str = "png", dpi: float = 150.0
+    orders: list[FigureOrder],
+    folder: Path,
+    bones: DrawnBones,
+    form: str = "png",
+    dpi: float = 300.0,
+    **more: float,
 ) -> list[Path]:
     """Draw figures in turn, and return the files."""
     import matplotlib as mpl  # noqa: PLC0415 -- only figures need it
@@ -98,7 +111,7 @@ def _drawn(
 
     with mpl.rc_context(), Studio(dpi / DOTS_PER_INCH) as studio:
         mpl.rcdefaults()  # a matplotlibrc in the working folder may be from elsewhere
-        return [order.write(folder, bones, studio, form, dpi) for order in orders]
+        return [order.write(folder, bones, studio, form, dpi, **more) for order in orders]
 
 
 def figures_of(result: Result) -> list[FigureOrder]:
@@ -125,14 +138,15 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
     ):
         if name in known:
             times = result.times[: len(known[name])]
-            words = {"of": of, "title": _title(name), "time_label": result.time_label}
+            label, ticks = _time_axis(result, name, len(times))
+            words = {"of": of, "title": in_words(name), "time_label": label, "ticks": ticks}
             given = {"times": times, "lengths": known[name], **words}
             figures.append(FigureOrder(f"{name}_{suffix}", "plot_lengths", given))
     arms = result.all_arms
     if name in arms:
         given = {
             "arms": dict(arms[name]),
-            "rest": MuscleFrame(result.rest_muscle(name), {}, result.rest_fibres(name), _title(name)),
+            "rest": MuscleFrame(result.rest_muscle(name), {}, result.rest_fibres(name), in_words(name)),
             "literature": tuple(result.literature.get(name, ())),
             "units": result.units,
         }
@@ -147,30 +161,60 @@ def _frames(result: Result, name: str) -> dict[str, object]:
         fibres = result.fibres(name, frame=number)
         muscle = result.muscle(name, frame=number) if volumes else fibre_surface(fibres)
         moved = result.motion.at(float(result.motion.times[number]))
-        frames.append(MuscleFrame(muscle, moved, fibres, _at(result, number)))
+        frames.append(MuscleFrame(muscle, moved, fibres, _at(result, name, number)))
     rest = result.rest_fibres(name)
-    return {"frames": frames, "rest_fibres": rest, "title": _title(name), "units": result.units}
-
-
-def _title(name: str) -> str:
-    return name.replace("_", " ")
+    return {"frames": frames, "rest_fibres": rest, "title": in_words(name), "units": result.units}
 
 
 def _chosen_frames(result: Result, name: str) -> list[int]:
-    """Return the first, the worst or else the middle, and the last finished frame of a muscle."""
+    """Return the first, the worst or else the middle, and the last finished frame of a muscle.
+
+    The worst frame counts in the middle two thirds: next to an end it would show the same twice.
+    """
     frames = result.frames[: result.finished(name)]
     reasons = result.report["muscles"][name].get("verdict", {}).get("reasons", ())
-    worst = [reason["frame"] for reason in reasons[:1] if reason["frame"] in frames]
+    inner = frames[len(frames) // 6 : len(frames) - len(frames) // 6]
+    worst = [reason["frame"] for reason in reasons[:1] if reason["frame"] in inner]
     return sorted({frames[0], *(worst or [frames[(len(frames) - 1) // 2]]), frames[-1]}) if frames else []
 
 
-def _at(result: Result, frame: int) -> str:
-    """Return the time of a frame to a hundredth of the span: ``time 3``, or ``hip flexion 30 deg``."""
+def _at(result: Result, name: str, frame: int) -> str:
+    """Return a frame's time or coordinates: ``time 3``, ``hip flexion 30, knee flexion 60 degrees``."""
+    label, _, unit = result.time_label.partition(" [")
+    swept = _swept(result, name) or {label: (result.motion.times, unit.removesuffix("]"))}
+    units = [unit for _, unit in swept.values()]
+    words = (f"{label} {_rounded(values, frame)} {unit}" for label, (values, unit) in swept.items())
+    whole = ", ".join(words)
+    return (whole.replace(f" {units[0]},", ",") if len(set(units)) == 1 else whole).strip()
+
+
+def _rounded(values: Floats, frame: int) -> str:
+    """Return a value to a hundredth of the values' span."""
+    span = float(np.ptp(values)) or 1.0
+    return f"{round(float(values[frame]), max(0, 2 - math.ceil(math.log10(span)))) + 0.0:g}"
+
+
+def _swept(result: Result, name: str) -> dict[str, tuple[Floats, str]]:
+    """Return values and unit of a muscle's coordinates, where up to three change and none is the time."""
+    crossed = result.crosses.get(name)
+    moved = {
+        in_words(key): (one.values, in_words("", one.unit)[2:-1])
+        for key, one in result.motion.coordinates.items()
+        if np.ptp(one.values) > 0.0 and (crossed is None or key in crossed)
+    }
+    return moved if result.time_label == "time" and len(moved) <= 3 else {}
+
+
+def _time_axis(result: Result, name: str, count: int) -> tuple[str, dict[float, str]]:
+    """Return the label of a time axis, and at most seven ticks with the values of several coordinates."""
+    swept, frames = _swept(result, name), result.frames[:count]
+    if not swept:
+        return result.time_label, {}
+    label = "\n".join(f"{words} [{unit}]" for words, (_, unit) in swept.items())
+    shown = sorted({frames[round(part)] for part in np.linspace(0, count - 1, 7)})
     times = result.motion.times
-    span = float(np.ptp(times)) or 1.0
-    name, _, unit = result.time_label.partition(" [")
-    rounded = round(float(times[frame]), max(0, 2 - math.ceil(math.log10(span)))) + 0.0
-    return f"{name} {rounded:g} {unit.removesuffix(']')}".strip()
+    ticks = {float(times[k]): "\n".join(_rounded(values, k) for values, _ in swept.values()) for k in shown}
+    return label, ticks
 
 
 def film_of(

@@ -21,7 +21,7 @@ from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.data.paths import Paths, paths_of
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.io.literature import LiteratureCurve, curves_for, read_literature
+from vtkmuscle.io.literature import LiteratureCurve, curves_for, in_words, read_literature
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.report_values import architecture_table, fibre_table
 from vtkmuscle.run.table import MomentArmTable, Table, length_table
@@ -388,5 +388,5 @@ def time_label(motion: RigidMotion) -> str:
     """Return the label of a motion's times: a coordinate with its unit where they are one, else "time"."""
     for name, one in motion.coordinates.items():
         if np.array_equal(one.values, motion.times):
-            return f"{name.replace('_', ' ')} [{one.unit}]"
+            return in_words(name, one.unit)
     return "time"
