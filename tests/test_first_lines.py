@@ -27,7 +27,7 @@ LINES = {
     "result['spindle'].plot(show=False, off_screen=True).close()": "",
     "result.muscle('spindle', frame=-1)": "",
     "result.muscle('spindle', time=2.4)": "",
-    "result.verdict": "write verdicts",
+    "result.verdict": "did you mean 'verdicts'",
     "result.n_frames": "write len(frames)",
     "result['spindle'].pcsa": "architecture['pcsa_mm2']",
     "scene.export": "write vtkmuscle.export",

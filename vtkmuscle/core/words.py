@@ -17,21 +17,16 @@ _MOST = 20
 #: What to write for names that other packages have.
 _ELSEWHERE = {
     "fibers": "fibres",
-    "center": "centre",
-    "verdict": "verdicts",
     "n_frames": "len(frames)",
     "coordinates": "motion.coordinates",
-    "bone": "bones(frame=0)[NAME]",
     "table": "frame_table(), architecture() or tables()",
     "to_pandas": "to_frame()",
     "plot_moment_arms": "write_figures(folder)",
     "pcsa": "architecture['pcsa_mm2']",
-    "pennation": "architecture['pennation_deg']",
-    "with_quality": "with_settings(quality=...)",
+    "pennation": "architecture['fascicle_pennation_origin_deg']",
     "replace": "with_settings(...)",
-    "to_toml": "save(folder)",
-    "path": "files['']",
-} | {f"{verb}": f"vtkmuscle.{verb}" for verb in ("init", "export", "compare", "cohort", "vary", "tradeoff")}
+    **{verb: f"vtkmuscle.{verb}" for verb in ("init", "export", "compare", "cohort", "vary", "tradeoff")},
+}
 
 
 def quoted(value: object) -> str:

@@ -107,24 +107,15 @@ class FigureOrder:
     rendered: bool = False
 
     def write(
-        self,
-        folder: Path,
-        bones: DrawnBones,
-        studio: Studio,
-        form: str = "png",
-        dpi: float = 300.0,
-        **more: float,
+        self, folder: Path, bones: DrawnBones, studio: Studio, form: str = "png", **options: float
     ) -> Path:
-        """Draw the figure into a folder; return the file."""
-        from matplotlib import rc_context  # noqa: PLC0415 -- only figures need it
-
-        from vtkmuscle.plotting.sheets import STYLE, save_figure  # noqa: PLC0415
+        """Draw the figure into a folder, of a ``width`` and ``dpi``; return the file."""
+        from vtkmuscle.plotting.sheets import DOTS_PER_INCH, WIDTH, save_figure  # noqa: PLC0415 -- loads matplotlib
 
         scene = {"bones": bones, "studio": studio} if self.rendered else {}
-        path = folder / f"{self.name}.{form}"
-        with rc_context(STYLE):
-            figure = getattr(vtkmuscle.plotting, self.plot)(**self.arguments, **scene, **more)
-            save_figure(figure, path, form, dpi)
+        path, width = folder / f"{self.name}.{form}", options.get("width", WIDTH)
+        figure = getattr(vtkmuscle.plotting, self.plot)(**self.arguments, **scene, width=width)
+        save_figure(figure, path, form, options.get("dpi", DOTS_PER_INCH))
         return path
 
 

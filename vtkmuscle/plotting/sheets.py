@@ -10,7 +10,7 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context, rcParams
+from matplotlib import rc_context, rcdefaults, rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -25,12 +25,7 @@ DOTS_PER_INCH = 300
 #: Width of a figure, two columns of a journal; and of an inch [mm].
 WIDTH, INCH = 180.0, 25.4
 #: Letters and lines of figures in a journal, which asks for 7 points at least.
-STYLE = {
-    "font.size": 8.0,
-    "axes.linewidth": 0.6,
-    "legend.columnspacing": 1.2,
-    "legend.handlelength": 1.5,
-}
+_STYLE = {"font.size": 8.0, "axes.linewidth": 0.6, "legend.columnspacing": 1.2, "legend.handlelength": 1.5}
 #: Least width of a panel, and the gap beside it [inches].
 _LEAST, _GAP = 1.5, 0.06
 
@@ -136,6 +131,12 @@ def sheet(panels: Sequence[Panel], title: str, units: str, width: float, *, bott
             x += panel.inches[0] + _GAP
         y -= row_height
     return figure
+
+
+def set_style() -> None:
+    """Set matplotlib's parameters for a journal, without those of a matplotlibrc in the working folder."""
+    rcdefaults()
+    rcParams.update(_STYLE)
 
 
 def blank_figure(width: float, height: float) -> Figure:

@@ -92,26 +92,21 @@ def write_figures(
     reason = can_render()
     if reason is not None:
         raise RuntimeError(f"no figures can be made: {reason}")
-    return _drawn(figures_of(result), Path(folder), result.drawn_bones, form, dpi, width=width)
+    return _drawn(figures_of(result), Path(folder), result.drawn_bones, form, dpi=dpi, width=width)
 
 
 def _drawn(
-    orders: list[FigureOrder],
-    folder: Path,
-    bones: DrawnBones,
-    form: str = "png",
-    dpi: float = 300.0,
-    **more: float,
+    orders: list[FigureOrder], folder: Path, bones: DrawnBones, form: str = "png", **options: float
 ) -> list[Path]:
     """Draw figures in turn, and return the files."""
     import matplotlib as mpl  # noqa: PLC0415 -- only figures need it
 
-    from vtkmuscle.plotting.sheets import DOTS_PER_INCH  # noqa: PLC0415
+    from vtkmuscle.plotting.sheets import DOTS_PER_INCH, set_style  # noqa: PLC0415
     from vtkmuscle.plotting.studio import Studio  # noqa: PLC0415
 
-    with mpl.rc_context(), Studio(dpi / DOTS_PER_INCH) as studio:
-        mpl.rcdefaults()  # a matplotlibrc in the working folder may be from elsewhere
-        return [order.write(folder, bones, studio, form, dpi, **more) for order in orders]
+    with mpl.rc_context(), Studio(options.get("dpi", DOTS_PER_INCH) / DOTS_PER_INCH) as studio:
+        set_style()
+        return [order.write(folder, bones, studio, form, **options) for order in orders]
 
 
 def figures_of(result: Result) -> list[FigureOrder]:
@@ -138,8 +133,7 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
     ):
         if name in known:
             times = result.times[: len(known[name])]
-            label, ticks = _time_axis(result, name, len(times))
-            words = {"of": of, "title": in_words(name), "time_label": label, "ticks": ticks}
+            words = {"of": of, "title": in_words(name), **_time_axis(result, name, len(times))}
             given = {"times": times, "lengths": known[name], **words}
             figures.append(FigureOrder(f"{name}_{suffix}", "plot_lengths", given))
     arms = result.all_arms
@@ -179,13 +173,12 @@ def _chosen_frames(result: Result, name: str) -> list[int]:
 
 
 def _at(result: Result, name: str, frame: int) -> str:
-    """Return a frame's time or coordinates: ``time 3``, ``hip flexion 30, knee flexion 60 degrees``."""
-    label, _, unit = result.time_label.partition(" [")
-    swept = _swept(result, name) or {label: (result.motion.times, unit.removesuffix("]"))}
-    units = [unit for _, unit in swept.values()]
-    words = (f"{label} {_rounded(values, frame)} {unit}" for label, (values, unit) in swept.items())
-    whole = ", ".join(words)
-    return (whole.replace(f" {units[0]},", ",") if len(set(units)) == 1 else whole).strip()
+    """Return a frame's time or coordinates: ``time 3``, ``hip flexion 30°``."""
+    parts = []
+    for label, values in _axis_values(result, name).items():
+        word, _, unit = label.partition(" [")
+        parts.append(f"{word} {_rounded(values, frame)} {unit.removesuffix(']')}".strip())
+    return ", ".join(parts).replace(" degrees", "°")
 
 
 def _rounded(values: Floats, frame: int) -> str:
@@ -194,27 +187,23 @@ def _rounded(values: Floats, frame: int) -> str:
     return f"{round(float(values[frame]), max(0, 2 - math.ceil(math.log10(span)))) + 0.0:g}"
 
 
-def _swept(result: Result, name: str) -> dict[str, tuple[Floats, str]]:
-    """Return values and unit of a muscle's coordinates, where up to three change and none is the time."""
-    crossed = result.crosses.get(name)
-    moved = {
-        in_words(key): (one.values, in_words("", one.unit)[2:-1])
-        for key, one in result.motion.coordinates.items()
-        if np.ptp(one.values) > 0.0 and (crossed is None or key in crossed)
-    }
-    return moved if result.time_label == "time" and len(moved) <= 3 else {}
+def _axis_values(result: Result, name: str) -> dict[str, Floats]:
+    """Return the times by label, or up to three coordinates of a muscle where the time is none of them."""
+    crossed, every = result.crosses.get(name), result.motion.coordinates
+    names = [key for key in every if np.ptp(every[key].values) > 0.0 and (crossed is None or key in crossed)]
+    if result.time_label != "time" or not 1 <= len(names) <= 3:
+        return {result.time_label: result.motion.times}
+    return {in_words(key, every[key].unit): every[key].values for key in names}
 
 
-def _time_axis(result: Result, name: str, count: int) -> tuple[str, dict[float, str]]:
-    """Return the label of a time axis, and at most seven ticks with the values of several coordinates."""
-    swept, frames = _swept(result, name), result.frames[:count]
-    if not swept:
-        return result.time_label, {}
-    label = "\n".join(f"{words} [{unit}]" for words, (_, unit) in swept.items())
-    shown = sorted({frames[round(part)] for part in np.linspace(0, count - 1, 7)})
-    times = result.motion.times
-    ticks = {float(times[k]): "\n".join(_rounded(values, k) for values, _ in swept.values()) for k in shown}
-    return label, ticks
+def _time_axis(result: Result, name: str, count: int) -> dict[str, Any]:
+    """Return the label of a time axis, and seven ticks with the values of several coordinates."""
+    frames, shown = result.frames[:count], _axis_values(result, name)
+    if result.time_label in shown:
+        return {"time_label": result.time_label}
+    chosen = sorted({frames[round(part)] for part in np.linspace(0, count - 1, 7)})
+    ticks = {result.motion.times[k]: "\n".join(_rounded(v, k) for v in shown.values()) for k in chosen}
+    return {"time_label": "\n".join(shown), "ticks": ticks}
 
 
 def film_of(
