@@ -45,13 +45,19 @@ for stage, fibres in (("morphed", morphed), ("trimmed", trimmed), ("smoothed", s
 
 # %%
 # Morphed, trimmed and smoothed fibres.
-plotter = pv.Plotter(shape=(1, 3), border=False)
-for column, fibres in enumerate((morphed, trimmed, smoothed)):
+plotter = pv.Plotter(shape=(1, 3), window_size=(1400, 560), border=False)
+for column, (name, fibres) in enumerate(
+    {"morphed": morphed, "trimmed": trimmed, "smoothed": smoothed}.items()
+):
     plotter.subplot(0, column)
     measured = FibreMetrics()(fibres, muscle)
     tubes = FibreTubes(radius=1.5)(measured)
-    plotter.add_mesh(pv.wrap(tubes), scalars="Length", smooth_shading=True, show_scalar_bar=column == 1)
-    plotter.add_mesh(pv.wrap(muscle), color="darkred", opacity=0.15)
+    bar = {"title": "length [mm]", "fmt": "%.0f", "n_labels": 3, "position_y": 0.01}
+    looks = {"show_scalar_bar": column == 1, "scalar_bar_args": bar, "smooth_shading": True}
+    plotter.add_mesh(pv.wrap(tubes), scalars="Length", cmap="viridis", **looks)
+    plotter.add_mesh(pv.wrap(muscle), color="darkred", opacity=0.15, smooth_shading=True)
+    plotter.add_text(name, position=(10, 520), font_size=12)
 plotter.link_views()
-plotter.view_yz()
+plotter.view_vector((-1, 0.2, 0.1), viewup=(0, 0, 1))
+plotter.camera.zoom(1.15)
 plotter.show()
