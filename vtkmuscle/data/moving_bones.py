@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.bones.bone import Bone, bone_of
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fixed_muscle import FixedMuscle
-from vtkmuscle.core.motion.rigid import is_rigid
+from vtkmuscle.core.motion.rigid import are_rigid
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import Polylines, blocks_of, checked_surface, field_array, names_of
 from vtkmuscle.data.muscle_geometry import Surface
@@ -79,15 +79,16 @@ def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
         here = f"{where}, block {name!r}"
         if (values := field_array(bone, "Transform")) is None:
             raise InputError(here, "the field array 'Transform' is missing", _MADE_BY)
-        if values.size != 16 or not is_rigid(values.reshape(4, 4)):
-            problem = "'Transform' must be 16 numbers, a rotation and a translation, last row 0 0 0 1"
-            raise InputError(here, problem)
-        transforms[index] = values.reshape(4, 4)
+        transforms[index] = values.reshape(4, 4) if values.size == 16 else np.nan
         for coordinate, array in names_of(TWIST, bone.GetFieldData()).items():
             twist = field_array(bone, array)
             if twist is None or twist.shape != (6,) or not np.isfinite(twist).all():
                 raise InputError(here, f"the field array {array!r} must be six finite numbers", _MADE_BY)
             twists.setdefault(coordinate, np.zeros((len(bones), 6)))[index] = twist
+    if not (rigid := are_rigid(transforms)).all():
+        where = f"{where}, block {list(bones)[int(np.argmin(rigid))]!r}"
+        problem = "'Transform' must be 16 numbers, a rotation and a translation, last row 0 0 0 1"
+        raise InputError(where, problem)
     return MovingBones(bones, transforms, twists)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import Coordinate
-from vtkmuscle.core.motion.rigid import RigidMotion, is_rigid
+from vtkmuscle.core.motion.rigid import RigidMotion, are_rigid
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.csv_table import finite_number, table_rows, write_rows
 
@@ -130,7 +130,7 @@ def _poses(
             raise InputError(path, problem, "sort the rows, or omit the time column to number the rows")
         numbers = [number(name) if name in cells else _LAST_ROW[name] for name in TRANSFORM_COLUMNS]
         transform = np.reshape(numbers, (4, 4))
-        if not is_rigid(transform):
+        if not are_rigid(transform):
             raise InputError(path, f"{where}: the transform is not rigid: {_why_not_rigid(transform)}")
         transforms.append(transform)
         for name, column in values.items():

@@ -12,7 +12,7 @@ from vtkmuscle.core.motion.blending import (
     origin_weights,
     screws_between,
 )
-from vtkmuscle.core.motion.rigid import apply_transform, inverse, is_rigid, rotation_about
+from vtkmuscle.core.motion.rigid import apply_transform, inverse, are_rigid, rotation_about
 
 
 def motion(seed, angle=None):
@@ -60,7 +60,7 @@ def test_parts_of_a_screw_add_up_to_the_whole(angle):
     start, move = motion(3), motion(4, angle)
     end = move @ start
     (part,) = screws_between(start[None], end[None], 0.25)
-    assert is_rigid(part)
+    assert are_rigid(part)
     quarter = part @ inverse(start)
     assert np.allclose(np.linalg.matrix_power(quarter, 4), move, atol=1e-9)
     assert np.allclose(screws_between(start[None], end[None], 0.0), start)

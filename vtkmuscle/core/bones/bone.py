@@ -25,7 +25,6 @@ from vtkmuscle.core.mesh.sampling import space_order, uneven_weights
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import FAR, Solids, solids_of, welded
 from vtkmuscle.core.mesh.surface import point_components, points_in_box, unique_edges
-from vtkmuscle.core.mesh.triangle_tree import distance2_to_box
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -307,9 +306,9 @@ def _look_up(
         before = field.lacking[0]
         transform_point(axes, points, i, at)
         normal[0], normal[1], normal[2] = 0.0, 0.0, 0.0
-        least = np.sqrt(distance2_to_box(field.box, at[0], at[1], at[2]))
-        if not least > max(within[i], 0.0):
-            least = least_distance_at(field, at[0], at[1], at[2]) if within[i] < np.inf else np.nan
+        least = -np.inf
+        if within[i] < np.inf:
+            least = least_distance_at(field, at[0], at[1], at[2], max(within[i], 0.0))
         if least > within[i]:
             distance[i] = min(least, FAR)
         elif field.lacking[0] == before:
@@ -325,7 +324,7 @@ def _find_outside(field: Field, axes: Floats, points: Floats, outside: Bools, at
     for i in range(len(points)):
         transform_point(axes, points, i, at)
         before, noted = field.lacking[0], field.lacking[1]
-        outside[i] = least_distance_at(field, at[0], at[1], at[2]) > 0.0
+        outside[i] = least_distance_at(field, at[0], at[1], at[2], 0.0) > 0.0
         if not outside[i] and field.lacking[0] == before:
             outside[i] = distance_at(field, at[0], at[1], at[2]) > FIELD_ERROR * field.cell
             field.lacking[0], field.lacking[1] = before, noted  # it need not be filled for that

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.bones.lookup import Field, distance_and_normal, distance_at, least_distance_at
+from vtkmuscle.core.bones.lookup import STEEPEST, Field, distance_and_normal, distance_at, least_distance_at
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour, distance2_to_box
+from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour
 from vtkmuscle.core.motion.rigid import inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats
 
@@ -141,6 +141,7 @@ class PoseContact:
         self._seen: dict[int, tuple[Floats, Floats, Floats, Floats]] = {}
         self._fields: dict[int, Field] = {}
         self._met, self._work = np.empty(len(contact.bones), dtype=np.bool_), np.empty((2, 3))
+        self._waiting = np.empty(len(contact.rest), dtype=np.bool_)
 
     def keep_out(self, p: Floats) -> Bools:
         """Move positions (n, 3) out of muscles and bones, in place; return the moved points (n,)."""
@@ -149,15 +150,14 @@ class PoseContact:
         if self._muscles is not None:
             moved |= self._muscles.keep_out(p)
         boxes_met(p, contact.free, self._low, self._high, self._met)
-        for number in np.flatnonzero(self._met).tolist():
-            bone, levels = contact.bones[number], contact.levels(number)
-            seen = self._seen.get(number) or self._first_look(number)
-            waiting = contact.free.copy()
-            field = self._fields[number]
-            while True:
-                _keep_out(field, *seen, p, waiting, levels, contact.clearance, moved, self._work)
-                if not bone.fill(field):
-                    break
+        for number, met in enumerate(self._met.tolist()):
+            if met:
+                bone, levels = contact.bones[number], contact.levels(number)
+                seen = self._seen.get(number) or self._first_look(number)
+                more, field, wanted = (levels, contact.clearance, moved), self._fields[number], contact.free
+                while _keep_out(field, *seen, p, wanted, self._waiting, *more, self._work):
+                    bone.fill(field)
+                    wanted = self._waiting.copy()
         return moved
 
     def _first_look(self, number: int) -> tuple[Floats, Floats, Floats, Floats]:
@@ -180,41 +180,39 @@ def _keep_out(
     seen_at: Floats,
     squares: Floats,
     p: Floats,
+    wanted: Bools,
     waiting: Bools,
     levels: Floats,
     clearance: float,
     moved: Bools,
     work: Floats,
-) -> None:
-    """Do the work of :meth:`PoseContact.keep_out` for a bone.
+) -> bool:
+    """Do the work of :meth:`PoseContact.keep_out` for a bone; return whether points wait for nodes.
 
     seen_at, squares : (n, 3), (n,), position of a point's look-up, and the square of the distance that the
-    point may go from there;  waiting : (n,), changed in place: points to look up, afterwards the points with
-    unknown nodes; work : (2, 3), memory.
+    point may go from there;  wanted : (n,), points to look up;  waiting : (n,), written: points with unknown
+    nodes;  work : (2, 3), memory.
     """
     at, normal = work[0], work[1]
-    margin = field.cell + clearance  # a cell, for what the interpolation between nodes can be wrong by
     for i in range(len(p)):
-        if not waiting[i]:
+        waiting[i] = False
+        if not wanted[i]:
             continue
         x, y, z = p[i, 0] - seen_at[i, 0], p[i, 1] - seen_at[i, 1], p[i, 2] - seen_at[i, 2]
         if x * x + y * y + z * z < squares[i]:
-            waiting[i] = False
             continue
         before = field.lacking[0]
         transform_point(to_axes, p, i, at)
-        distance = np.sqrt(distance2_to_box(field.box, at[0], at[1], at[2]))
-        if distance <= margin:  # the overview tells of what is not near the surface
-            distance = least_distance_at(field, at[0], at[1], at[2])
-        if distance <= margin:
+        distance = least_distance_at(field, at[0], at[1], at[2], clearance)
+        if distance <= clearance:
             distance = distance_at(field, at[0], at[1], at[2])
         deep = levels[i] - distance > TOLERANCE * field.cell  # not where it is unknown, NaN
         if deep:
             _push_out(field, at, levels[i], normal)
-        if field.lacking[0] > before:
+        waiting[i] = field.lacking[0] > before
+        if waiting[i]:
             continue
-        waiting[i] = False
-        room = max(distance - margin, 0.0)
+        room = max(distance - clearance, 0.0) / STEEPEST
         squares[i] = room * room
         for k in range(3):
             seen_at[i, k] = p[i, k]
@@ -222,6 +220,7 @@ def _keep_out(
             for k in range(3):
                 p[i, k] = back[k, 0] * at[0] + back[k, 1] * at[1] + back[k, 2] * at[2] + back[k, 3]
             moved[i] = True
+    return bool(field.lacking[0] > 0)
 
 
 @kernel

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from vtkmuscle.core.jit import kernel, lane
+from vtkmuscle.core.mesh.triangle_tree import distance2_to_box
 from vtkmuscle.core.types import Floats, Ints
 
 #: A coarse node is every fourth node along each axis: its distance bounds those of all around it.
@@ -15,6 +17,9 @@ COARSE = 4
 #: Largest error of a trilinear value [cells]: no distance grows faster than the way, and the mean way from a
 #: point of a cell to the nodes, by their weights, is greatest at the cell's middle.
 FIELD_ERROR = 3.0**0.5 / 2.0
+
+#: Largest growth of the trilinear value over a way: along each axis a value grows no faster than the way.
+STEEPEST = 3.0**0.5
 
 #: A direction shorter than this, instead of 1, lies on a ridge.
 _FLAT = 0.2
@@ -74,11 +79,15 @@ def distance_at(field: Field, x: float, y: float, z: float) -> float:
 
 
 @lane
-def least_distance_at(field: Field, x: float, y: float, z: float) -> float:
-    """Return a lower bound of the distance at a position [mm], NaN where unknown and beyond the lattice.
+def least_distance_at(field: Field, x: float, y: float, z: float, enough: float) -> float:
+    """Return a lower bound of a position's trilinear distance [mm], NaN where unknown and beyond the lattice.
 
-    No distance grows faster than the way from the nearest coarse node.
+    The bound is the distance from the bone's box where that is beyond `enough`, or follows from the nearest
+    coarse node: no distance grows faster than the way.
     """
+    least = math.sqrt(distance2_to_box(field.box, x, y, z)) - FIELD_ERROR * field.cell
+    if least > enough:
+        return least
     u, v, w = _in_cells(field, x, y, z)
     a, b, c = (
         COARSE * np.floor(u / COARSE + 0.5),
@@ -93,8 +102,8 @@ def least_distance_at(field: Field, x: float, y: float, z: float) -> float:
         _note(field, i, j, k, True)
         return np.nan
     u, v, w = u - a, v - b, w - c
-    least: float = distance - field.cell * np.sqrt(u * u + v * v + w * w)
-    return least
+    least = distance - field.cell * (math.sqrt(u * u + v * v + w * w) + FIELD_ERROR)
+    return float(least)
 
 
 @kernel

@@ -153,9 +153,9 @@ def interval_among(frames: Ints, times: Floats, time: float) -> tuple[int, int, 
     """
     after = int(np.clip(np.searchsorted(times, time), 0, len(times) - 1))
     before = after if times[after] <= time or after == 0 else after - 1
-    if not np.isin([before, after], frames).all():
-        return None
     a, b = np.searchsorted(frames, [before, after]).tolist()
+    if b == len(frames) or frames[a] != before or frames[b] != after:
+        return None
     return a, b, float((time - times[before]) / (times[after] - times[before])) if before < after else 0.0
 
 

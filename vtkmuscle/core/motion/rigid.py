@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.motion.coordinates import Coordinate, twist_about
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.types import Bools, Floats
 
 
 def turns(axis: Floats, angles: Floats) -> Floats:
@@ -22,9 +22,10 @@ def turns(axis: Floats, angles: Floats) -> Floats:
 
 def inverses(transforms: Floats) -> Floats:
     """Return the inverses of rigid transforms (f, 4, 4)."""
-    result = np.tile(np.eye(4), (len(transforms), 1, 1))
-    result[:, :3, :3] = transforms[:, :3, :3].transpose(0, 2, 1)
-    result[:, :3, 3] = -np.einsum("fij,fj->fi", result[:, :3, :3], transforms[:, :3, 3])
+    result = np.zeros((len(transforms), 4, 4))
+    result[:, 3, 3] = 1.0
+    turns_back = transforms[:, :3, :3].swapaxes(1, 2)
+    result[:, :3, :3], result[:, :3, 3:] = turns_back, -(turns_back @ transforms[:, :3, 3:])
     return result
 
 
@@ -40,15 +41,14 @@ def frame_at(centre: ArrayLike, angles: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
 ORTHOGONALITY_TOLERANCE = 1e-5
 
 
-def is_rigid(transform: Floats) -> bool:
-    """Return True for a finite rotation and translation (4, 4). No scale, shear or mirror."""
-    transform = np.asarray(transform, dtype=np.float64)
-    if transform.shape != (4, 4) or not np.isfinite(transform).all():
-        return False
-    rotation = transform[:3, :3]
-    error = np.abs(rotation.T @ rotation - np.eye(3)).max()
-    proper = error <= ORTHOGONALITY_TOLERANCE and np.linalg.det(rotation) > 0
-    return bool(proper and np.array_equal(transform[3], [0.0, 0.0, 0.0, 1.0]))
+def are_rigid(transforms: Floats) -> Bools:
+    """Return which transforms (..., 4, 4) are finite rotations and translations, without scale or mirror."""
+    rotations, last = transforms[..., :3, :3], transforms[..., 3, :]
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers that are not finite
+        off = np.abs(rotations.swapaxes(-1, -2) @ rotations - np.eye(3)).max(axis=(-1, -2))
+        proper = (off <= ORTHOGONALITY_TOLERANCE) & (np.linalg.det(rotations) > 0.0)
+    finite = np.isfinite(transforms).all(axis=(-1, -2))
+    return np.asarray(proper & finite & (last == [0.0, 0.0, 0.0, 1.0]).all(axis=-1))
 
 
 def apply_transform(transform: Floats, points: Floats) -> Floats:
@@ -132,8 +132,8 @@ class RigidMotion:
             if array.shape != (len(times), 4, 4):
                 problem = f"transforms of shape {array.shape}, expected {(len(times), 4, 4)}"
                 raise InputError(f"bone {bone!r}", problem)
-            if not all(rigid := [is_rigid(transform) for transform in array]):
-                row = rigid.index(False)
+            if not (rigid := are_rigid(array)).all():
+                row = int(np.argmin(rigid))
                 problem = f"the transform of row {row} (time {times[row]:g}) is not rigid"
                 remedy = "it must be a rotation and a translation, with last row 0 0 0 1"
                 raise InputError(f"bone {bone!r}", problem, remedy)

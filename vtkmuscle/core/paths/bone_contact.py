@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.bones.lookup import Field, least_distance_at, look_at
+from vtkmuscle.core.bones.lookup import STEEPEST, Field, least_distance_at, look_at
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.triangle_tree import distance2_to_box
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.paths.equilibrium import add_direction
 from vtkmuscle.core.types import Floats
@@ -109,9 +108,9 @@ class BoneContacts:
     def update(self, x: Floats, near: Proximity) -> None:
         """Write the gaps of paths x to the bones.
 
-        Paths are (f, n, 3); the bones stay in their pose. A distance changes by no more than the point moves:
-        points too far to have come near a bone are not looked up. Gaps of points not looked up are lower
-        bounds.
+        Paths are (f, n, 3); the bones stay in their pose. Points too far to have come near a bone are not
+        looked up: their gaps are lower bounds of what a look-up gives. A point that were near by its look-up
+        and far by its bound would not come to rest.
         """
         for k, (bone, field) in enumerate(zip(self._bones, self._fields, strict=True)):
             standoff, points, gaps, normals = self._standoff[k], near.points[k], near.gaps[k], near.normals[k]
@@ -198,13 +197,11 @@ def _look_up(
         for c in range(3):
             moved += (at[c] - points[p, c]) ** 2
             points[p, c] = at[c]
-        gaps[p] -= np.sqrt(moved)
+        gaps[p] -= STEEPEST * np.sqrt(moved)
         if gaps[p] >= rounding:
             continue
         before, within = field.lacking[0], max(standoff[p] + rounding, 0.0)
-        least = np.sqrt(distance2_to_box(field.box, at[0], at[1], at[2]))
-        if not least > within:
-            least = least_distance_at(field, at[0], at[1], at[2])
+        least = least_distance_at(field, at[0], at[1], at[2], within)
         if least > within:
             gaps[p] = least - standoff[p]
             continue

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
+from vtkmuscle.core.jit import vector_kernel
 from vtkmuscle.core.mesh.harmonic import cotangent_laplacian
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import nearest_rotations
@@ -70,8 +71,7 @@ class TwoLevels:
         # Gaussian, and 0 at the last, so that nothing jumps where another comes to be the last.
         falls = np.exp(-0.5 * (2.0 * apart / np.maximum(apart[:, -1:], np.finfo(float).tiny)) ** 2)
         falls -= falls[:, -1:] * (1.0 - 1e-9)
-        parts, starts = falls / falls.sum(axis=1, keepdims=True), np.arange(len(rest) + 1) * falls.shape[1]
-        self._parts = csr_array((parts.ravel(), carriers.ravel(), starts), (len(rest), len(coarse)))
+        self._carriers, self._parts = carriers, falls / falls.sum(axis=1, keepdims=True)
         ring = csr_array(abs(cotangent_laplacian(coarse, topology.triangles)) > 0.0)
         rings = csr_array((ring @ ring).astype(np.bool_))
         sizes, near = np.diff(rings.indptr), coarse[rings.indices]
@@ -81,10 +81,13 @@ class TwoLevels:
         self._fixed = np.flatnonzero(fixed_to >= 0)
         self._fixed_to = fixed_to[self._fixed]
         edge = float(solver.shape.lengths.mean())
-        self._nearest, self._near = np.zeros(len(rest), dtype=np.int64), np.zeros(len(rest))
+        nearest, near = np.zeros(len(rest), dtype=np.int64), np.zeros(len(rest))
         if len(self._fixed):
-            away, self._nearest = cKDTree(rest[self._fixed]).query(rest)
-            self._near = np.exp(-0.5 * (away / edge) ** 2)
+            away, nearest = cKDTree(rest[self._fixed]).query(rest)
+            near = np.exp(-0.5 * (away / edge) ** 2)
+        #: Points that fixed points take along, with the nearest of these and the part.
+        self._along = np.flatnonzero(near > np.finfo(float).eps)
+        self._nearest, self._near = nearest[self._along], near[self._along, None]
 
     def at_rest(self, n_bones: int) -> State:
         """Return the muscle and all bones at rest."""
@@ -114,12 +117,26 @@ class TwoLevels:
         centred, rest = coarse - coarse.mean(axis=0), self.shape.points
         turns = nearest_rotations(np.stack([arms @ centred for arms in self._arms], axis=2))
         shifts = coarse - np.einsum("cij,cj->ci", turns, self._coarse)
-        motions = (self._parts @ np.dstack([turns, shifts]).reshape(-1, 12)).reshape(-1, 3, 4)
-        carried: Floats = np.einsum("nij,nj->ni", motions[:, :, :3], rest) + motions[:, :, 3]
-        residual = np.zeros((max(len(self._fixed), 1), 3))
+        motions, carried = np.dstack([turns, shifts]).reshape(-1, 12), np.empty_like(rest)
+        _carry(motions, self._carriers, self._parts, rest, carried)
+        residual = np.empty((len(self._fixed), 3))
         for bone in np.unique(self._fixed_to):
             mine = self._fixed_to == bone
             ids = self._fixed[mine]
             residual[mine] = apply_transform(transforms[bone], rest[ids]) - carried[ids]
-        carried += self._near[:, None] * residual[self._nearest]
+        carried[self._along] += self._near * residual[self._nearest]
         return carried
+
+
+@vector_kernel
+def _carry(motions: Floats, carriers: Ints, parts: Floats, rest: Floats, carried: Floats) -> None:
+    """Write the means of points (n, 3) moved by their carriers' motions (c, 12)."""
+    for i in range(len(rest)):
+        x, y, z = rest[i, 0], rest[i, 1], rest[i, 2]
+        u = v = w = 0.0
+        for k in range(carriers.shape[1]):
+            part, m = parts[i, k], motions[carriers[i, k]]
+            u += part * (m[0] * x + m[1] * y + m[2] * z + m[3])
+            v += part * (m[4] * x + m[5] * y + m[6] * z + m[7])
+            w += part * (m[8] * x + m[9] * y + m[10] * z + m[11])
+        carried[i, 0], carried[i, 1], carried[i, 2] = u, v, w

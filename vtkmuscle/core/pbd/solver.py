@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.contact import BoneContact
@@ -27,7 +26,7 @@ from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import blend_motions, screws_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverses
 from vtkmuscle.core.pbd.anisotropy import edge_stiffness, fibre_directions_at, harmonic_directions
-from vtkmuscle.core.pbd.sweep import WIDTH, edge_rows, project_edges, project_volume
+from vtkmuscle.core.pbd.sweep import WIDTH, edge_rows, project_edges, project_volume, take_lengths
 from vtkmuscle.core.pbd.voxels import VoxelContact
 from vtkmuscle.core.skinning.settling import Volume
 from vtkmuscle.core.types import Bools, Floats
@@ -283,8 +282,7 @@ class PBDSolver:
         p = self._with_fixed_points(start - self.centre, transforms)
         if self._as_carried is None:
             self._as_carried = self.rows.constants.copy()
-        first, second = (p[self.rows.points[:, end]] for end in (0, 1))
-        self._as_carried[:, 5] = np.linalg.norm(first - second, axis=2)  # rest lengths
+        take_lengths(p, self.rows.points, self._as_carried)
         keep_out = self._keep_out(transforms, transforms, p[:-1].copy(), neighbours)
         held = self._iterate(p, self._as_carried, keep_out, progress)
         if self.parameters.finish:
@@ -330,8 +328,10 @@ class PBDSolver:
         """Return the number of parts of a step, by the greatest turn of two bones against each other."""
         bones = [bone for bone, _ in self._fixed]
         turns = (now[bones] @ inverses(before[bones]))[:, :3, :3]
-        against = Rotation.from_matrix(turns[1:] @ turns[:1].swapaxes(1, 2)).magnitude()
-        return max(1, math.ceil(math.degrees(against.max(initial=0.0)) / LARGEST_TURN - 1e-6))
+        # Of a turn by t, the squares of R - 1 sum to 8 sin^2 t/2; so do those of the difference of two turns.
+        squares = ((turns[1:] - turns[:1]) ** 2).sum(axis=(1, 2)).max(initial=0.0)
+        turn = 2.0 * math.degrees(math.asin(min(math.sqrt(squares / 8.0), 1.0)))
+        return max(1, math.ceil(turn / LARGEST_TURN - 1e-6))
 
     def _carried(self, x: Floats, before: Floats, now: Floats) -> Floats:
         """Return points moved by the bones' blended motions, (n, 3)."""

@@ -42,8 +42,8 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 WIDTH = 16
 
 #: Numbers of an edge that do not change: inverse masses of its four points, stiffness and rest length,
-#: stiffness of its angle, and the cosine and sine of its rest angle.
-N_CONSTANTS = 9
+#: stiffness of its angle, and the cosine and sine of its rest angle; the place of the rest length.
+N_CONSTANTS, LENGTH = 9, 5
 
 #: Coefficients of atan(x) / x in x^2, from the greatest power on, for x from 0 to 1; its error is 2e-15.
 _A: tuple[float, ...] = tuple(
@@ -140,6 +140,17 @@ def _first_fit(points_of_edges: Ints, taken: Bools, colours: Ints) -> None:
         for k in range(4):
             if points_of_edges[e, k] >= 0:
                 taken[points_of_edges[e, k], colour] = True
+
+
+@vector_kernel
+def take_lengths(p: Floats, points: NDArray[np.uint32], constants: Floats) -> None:
+    """Write the edges' lengths at positions p (n + 1, 3) as rest lengths; arrays as of :class:`EdgeRows`."""
+    for row in range(len(points)):
+        for k in range(WIDTH):
+            i, j, square = points[row, 0, k], points[row, 1, k], 0.0
+            for axis in range(3):
+                square += (p[i, axis] - p[j, axis]) ** 2
+            constants[row, LENGTH, k] = np.sqrt(square)
 
 
 @vector_kernel
