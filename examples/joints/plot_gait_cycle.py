@@ -39,16 +39,14 @@ scene_file.write_text(tomli_w.dumps(tomllib.loads(scene_file.read_text()) | tabl
 result = Scene.load(scene_file).run()
 
 # %%
-# The leg in mid-stance, at toe-off, in swing and at heel strike, with stretched muscles in red; and the
-# change of each muscle's length.
+# The leg in mid-stance, at toe-off, in swing and at heel strike, stretched muscles in red; and all lengths.
 plotter = pv.Plotter(shape=(1, 4), window_size=(1200, 640), border=False)
 for panel, frame in enumerate((0, 15, 22, 30)):
     plotter.subplot(0, panel)
     plotter.add_mesh(result.bones(frame=frame), color="ivory", smooth_shading=True)
     for name in result.muscle_names:
-        coloured = {"scalars": "Strain", "cmap": "coolwarm", "clim": (-0.1, 0.1), "show_scalar_bar": False}
-        fibres = result.fibres(name, frame=frame)
-        plotter.add_mesh(fibres, line_width=6, render_lines_as_tubes=True, **coloured)
+        fibres, colours = result.fibres(name, frame=frame), {"cmap": "coolwarm", "clim": (-0.1, 0.1)}
+        plotter.add_mesh(fibres, scalars="Strain", line_width=5, show_scalar_bar=False, **colours)
     plotter.view_vector((-1, -0.3, 0), viewup=(0, 0, 1))
     plotter.camera.zoom(1.7)
 plotter.show()

@@ -26,19 +26,11 @@ arms = filters.MomentArms(fibres=paths, motion=hip.motion)
 # %%
 # Paths in the colour of their moment arm: red paths extend the hip, blue paths flex it.
 
-angles, shown = np.arange(0.0, 91.0, 15.0), (0.0, 45.0, 90.0)
 plotter = pv.Plotter(shape=(1, 3), window_size=(1500, 620), border=False)
-for column, angle in enumerate(shown):
+for column, angle in enumerate((0.0, 45.0, 90.0)):
     plotter.subplot(0, column)
     tubes = filters.FibreTubes(radius=1.0).apply(arms.apply(time=angle))
-    bar = {
-        "title": "moment arm [mm]",
-        "fmt": "%.0f",
-        "n_labels": 3,
-        "width": 0.5,
-        "position_x": 0.4,
-        "position_y": 0.06,
-    }
+    bar = {"title": "moment arm [mm]", "fmt": "%.0f", "position_x": 0.35, "position_y": 0.06}
     colours = {"scalars": "MomentArm", "cmap": "coolwarm_r", "clim": (-25, 25)}
     plotter.add_mesh(tubes, smooth_shading=True, show_scalar_bar=column == 2, scalar_bar_args=bar, **colours)
     for bone in moving.apply(time=angle):
@@ -52,11 +44,11 @@ plotter.show()
 # %%
 # The mean, and the range over all paths.
 
+angles = np.arange(0.0, 91.0, 15.0)
 table = np.array([arms.apply(time=angle)["MomentArm"] for angle in angles])
 figure, axes = plt.subplots(figsize=(6, 3.5), layout="constrained")
 axes.fill_between(angles, table.min(axis=1), table.max(axis=1), color="steelblue", alpha=0.25, linewidth=0)
 axes.plot(angles, table.mean(axis=1), color="black")
 axes.axhline(0.0, color="0.7", linewidth=0.8)
 axes.set(xlabel="flexion [degrees]", ylabel="moment arm in flexion [mm]")
-axes.spines[["top", "right"]].set_visible(False)
 plt.show()

@@ -161,7 +161,6 @@ def plot_lengths(
     title: str = "",
     time_label: str = "time",
     ticks: Mapping[float, str] | None = None,
-    units: str = "mm",
     width: float = WIDTH,
 ) -> Figure:
     """Return curves of path or fibre lengths over time.
@@ -171,11 +170,11 @@ def plot_lengths(
     times : (k,) array_like
         Pipeline times.
     lengths : (k, n) array_like
-        Lengths of n paths or fibres.
+        Lengths of n paths or fibres [mm].
     of : str, optional
         ``"path"`` or ``"fibre"``.
-    title, time_label, units : str, optional
-        Title, and labels of the axes.
+    title, time_label : str, optional
+        Title, and label of the times.
     ticks : mapping of float to str, optional
         Words for times, such as the values of several coordinates.
     width : float, optional
@@ -187,7 +186,7 @@ def plot_lengths(
         For ``savefig``.
     """
     values = np.asarray(lengths, dtype=np.float64)
-    figure, axes = curves(title, time_label, f"{of} length [{units}]", width)
+    figure, axes = curves(title, time_label, f"{of} length [mm]", width)
     if ticks:
         axes.set_xticks(list(ticks), list(ticks.values()))
     marker = "o" if len(values) == 1 else ""
