@@ -20,12 +20,12 @@ from vtkmuscle import Scene, phantoms
 from vtkmuscle.core.bones import contact
 from vtkmuscle.core.paths import pose
 from vtkmuscle.core.skinning import diffusion
-from vtkmuscle.data import drawn_bones
 from vtkmuscle.data.arrays import blocks_of, multiblock_from
 from vtkmuscle.filters import FixedPointDetector
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.pipelines import deform
 from vtkmuscle.plotting import Studio, View
+from vtkmuscle.plotting import views as drawn_bones
 from vtkmuscle.plotting.studio import FINER
 from vtkmuscle.run import result_data
 

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from shapes import lines_of
 
 from vtkmuscle.data.arrays import add_arrays, multiblock_from, points_of, with_points
-from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.plotting import (
     Studio,
     can_render,
@@ -24,6 +23,7 @@ from vtkmuscle.plotting import (
 from vtkmuscle.plotting.figures import positions_across, shown_range
 from vtkmuscle.plotting.sheets import Pixels
 from vtkmuscle.plotting.studio import actors_of, strain_colours
+from vtkmuscle.plotting.views import DrawnBones
 
 
 def spindle():

@@ -22,7 +22,7 @@ from vtkmuscle.data.attachments import Aponeurosis, AttachmentArea
 from vtkmuscle.io import LiteratureCurve
 from vtkmuscle.run import store
 from vtkmuscle.run.muscles import MuscleRun
-from vtkmuscle.run.store.keys import IRRELEVANT, muscle_keys
+from vtkmuscle.run.store import IRRELEVANT, muscle_keys
 from vtkmuscle.scene.data import Muscle, SceneData
 
 SHEET = np.array([[0, 1, 2]])

@@ -27,7 +27,7 @@ from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.io import read_surface, write_polydata
 from vtkmuscle.scene.schema import Area, Hinge, Motion, MuscleTable, SceneTable
 from vtkmuscle.scene.schema_types import Axis, Hill, JointTable, OpenSimTable, Paths, Solver
-from vtkmuscle.scene.writing import to_toml
+from vtkmuscle.scene.writing import tables_of
 
 
 @pytest.fixture
@@ -184,7 +184,7 @@ def test_superficial_fibres_are_read_used_and_saved(scene_file, tmp_path):
     lines = polylines_of(scene.muscles["spindle"].superficial_fibres, "seen")
     np.testing.assert_array_equal(lines.points, SEEN)
     again = Scene.load(scene.save(tmp_path / "again"))
-    assert to_toml(again) == to_toml(scene)
+    assert tables_of(again) == tables_of(scene)
     same = polylines_of(again.muscles["spindle"].superficial_fibres, "seen")
     np.testing.assert_array_equal(same.points, lines.points)
     with pytest.warns(UserWarning, match="superficial fibres deviate"):
@@ -450,7 +450,7 @@ def test_a_saved_scene_is_the_same_scene(scene_file, tmp_path):
     )
     first = Scene.load(scene_file)
     second = Scene.load(first.save(tmp_path / "again"))
-    assert to_toml(second) == to_toml(first)
+    assert tables_of(second) == tables_of(first)
     assert (second.name, second.units) == (first.name, first.units)
     assert second.solver_of("spindle") == first.solver_of("spindle")
     assert second.fixing_of("spindle") == first.fixing_of("spindle")

@@ -127,9 +127,8 @@ class MuscleAccessor:
         areas = _areas(origin, insertion, attachments, _names(bones))
         marked = areas is None and fixing is None and "FixedTo" in self._mesh.point_data
         fixed = None if marked else fixing or {}
-        return deform(self._mesh, bones, motion, areas, fibres=fibres, fixing=fixed, **solver).apply(
-            time=time
-        )
+        last = deform(self._mesh, bones, motion, areas, fibres=fibres, fixing=fixed, **solver)
+        return last.apply(time=time)
 
     def fibres(
         self, *, origin: Any = None, insertion: Any = None, attachments: Any = None, **settings: Any
@@ -184,9 +183,9 @@ def _areas(origin: Any, insertion: Any, attachments: Any, bones: list[str] | Non
     """Return attachment areas for filters. With bone names, each area needs a bone."""
     roles = {"origin": origin, "insertion": insertion}
     by_role = {role: landmarks for role, landmarks in roles.items() if landmarks is not None}
+    if attachments is not None and by_role:
+        raise ValueError("mesh.muscle: give attachments=, or origin= and insertion=, not both")
     if attachments is not None:
-        if by_role:
-            raise ValueError("mesh.muscle: give attachments=, or origin= and insertion=, not both")
         return attachments
     areas: list[AttachmentArea] = []
     for role, landmarks in by_role.items():

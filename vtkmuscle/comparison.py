@@ -86,10 +86,8 @@ class Comparison:
                 axes.set_visible(False)
             for axes, (quantity, runs) in zip(row, quantities.items(), strict=False):
                 for name, curve in runs.items():
-                    colour = f"C{self.names.index(name) % 10}"
-                    axes.plot(
-                        curve.x, curve.mean, "." if len(curve.x) == 1 else "-", color=colour, label=name
-                    )
+                    look = {"color": f"C{self.names.index(name) % 10}", "label": name}
+                    axes.plot(curve.x, curve.mean, "." if len(curve.x) == 1 else "-", **look)
                 coordinate = curve.over.partition(" [")[0].replace(" ", "_")
                 published = curves_for(self.literature.get(muscle, ()), coordinate=coordinate)
                 if quantity.startswith("moment arm") and published:
@@ -194,28 +192,20 @@ def _named(results: Sequence[Result | str | PathLike[str]]) -> dict[str, Result]
 
 def curves_of(result: Result, muscle: str) -> list[Curve]:
     """Return the curves of a muscle of a run: lengths of paths and fibres, and moment arms."""
-    curves = []
+    curves, over = [], result.time_label.removeprefix("right ").removeprefix("left ")
     for quantity, lengths in ((_LENGTH, result.lengths), ("fibre length", result.fibre_lengths)):
         if muscle in lengths:
             times = np.asarray(result.times[: len(lengths[muscle])], dtype=np.float64)
-            curves.append(
-                _curve(
-                    (quantity, result.time_label.removeprefix("right ").removeprefix("left "), "mm"),
-                    times,
-                    lengths[muscle],
-                )
-            )
-    arms = result.all_arms
-    for name, joint in arms[muscle].items() if muscle in arms else ():
-        curves.append(_curve(_arm_labels(name, joint.unit), joint.values, joint.arms))
+            curves.append(_curve((quantity, over, "mm"), times, lengths[muscle]))
+    for name, joint in result.all_arms.get(muscle, {}).items():
+        coordinate, unit = side_apart(name), "mm" if joint.unit in ANGLES else "1"
+        labels = f"moment arm, {in_words(coordinate)}", in_words(coordinate, joint.unit), unit
+        curves.append(_curve(labels, joint.values, joint.arms))
     return curves
 
 
 def difference(curve: Curve, reference: Curve) -> tuple[float | None, ...]:
-    """Return figures of a curve minus a reference curve, within the reference's range.
-
-    Mean, root mean square, largest value, and its position; None if the ranges do not overlap.
-    """
+    """Return figures of a curve minus a reference curve, within the reference's range."""
     inside = (curve.x >= reference.x[0] - 1e-9) & (curve.x <= reference.x[-1] + 1e-9)
     if curve is reference or not inside.any():
         return (None,) * 4
@@ -224,12 +214,6 @@ def difference(curve: Curve, reference: Curve) -> tuple[float | None, ...]:
     worst = int(np.abs(apart).argmax())
     root = math.sqrt(float(np.mean(np.square(apart))))
     return float(apart.mean()), root, float(apart[worst]), float(x[worst])
-
-
-def _arm_labels(coordinate: str, unit: str) -> tuple[str, str, str]:
-    """Return quantity, axis and unit of moment arms."""
-    name = side_apart(coordinate)
-    return f"moment arm, {in_words(name)}", in_words(name, unit), "mm" if unit in ANGLES else "1"
 
 
 def _curve(labels: tuple[str, str, str], x: Floats, rows: Floats) -> Curve:

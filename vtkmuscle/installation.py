@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Iterator
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from vtkmuscle.core.jit import kernel_folder
 from vtkmuscle.core.machine import processors
 from vtkmuscle.phantoms import pennate_block, spindle_over_hinge, wrapping_cylinder
 from vtkmuscle.plotting import can_render
+from vtkmuscle.run.report_values import version_of
 from vtkmuscle.run.table import Table
 from vtkmuscle.scenes import Scene
 
@@ -72,11 +72,7 @@ def _measured() -> Iterator[tuple[str, float, float, float]]:
 def installation() -> dict[str, str]:
     """Return what a report of a problem needs: versions, processors, pictures and cached kernels."""
     facts = {"python": f"{platform.python_version()}, {platform.platform()}", "processors": str(processors())}
-    for package in ("vtkmuscle", *PACKAGES):
-        try:
-            facts[package] = version(package)
-        except PackageNotFoundError:
-            facts[package] = "not installed"
+    facts |= {package: version_of(package, "not installed") for package in ("vtkmuscle", *PACKAGES)}
     facts["pictures"] = can_render() or "can be rendered"
     facts["kernels"] = str(kernel_folder() or "not cached")
     return facts

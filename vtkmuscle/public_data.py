@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import shutil
-import tomllib
 from collections.abc import Callable, Mapping
-from importlib.resources import files
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,15 +19,16 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
+from vtkmuscle.data import toml_table
+from vtkmuscle.data.arrays import checked_surface, surface_from
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.io import read_surface, write_polydata, write_text
 from vtkmuscle.io.msf import landmarks_of, read_msf
-from vtkmuscle.io.writing import file_digest, replacing
+from vtkmuscle.io.writing import file_digest, replacing, write_json
 from vtkmuscle.scene.writing import write_areas
 from vtkmuscle.scenes import Scene
 
-_DATA = tomllib.loads((files("vtkmuscle") / "public_data.toml").read_text(encoding="utf-8"))
+_DATA = toml_table("vtkmuscle", "public_data.toml")
 #: Name, title, server of raw files of public repositories, and licence of the data set.
 NAME, TITLE, HOST, LICENCE = (_DATA[key] for key in ("name", "title", "host", "licence"))
 #: Path of each file at the host, pinned to a commit, and its SHA-256 where that is known.
@@ -111,7 +109,7 @@ def fetch(
         write_scene(downloads, staging)
         Scene.load(staging / "scene.toml")
         write_text(staging / "LICENCE.txt", LICENCE)
-        write_text(staging / "sources.json", json.dumps(sources, indent=1) + "\n")
+        write_json(staging / "sources.json", sources, indent=1)
         staging.rename(target)
     return target / "scene.toml"
 
@@ -139,14 +137,11 @@ def write_scene(downloads: Path, folder: Path) -> None:
     write_polydata(folder / "bones/pelvis.vtp", pelvis.GetOutput())
     write_polydata(folder / "bones/femur_r.vtp", _bone(downloads / "femur_r.vtk"))
     clouds = landmarks_of(read_msf(downloads / "landmarks.nms"))
-    muscles: dict[str, Any] = {}
+    fibres, muscles = {"template": "parallel", "n_fibres": 100, "resolution": 15}, {}
     for name in _MUSCLES:
         write_polydata(folder / f"muscles/{name}.vtp", read_surface(downloads / f"{name}.vtk"))
-        muscles[name] = {
-            "surface": f"muscles/{name}.vtp",
-            "fibres": {"template": "parallel", "n_fibres": 100, "resolution": 15},
-            "attachments": _attachments(name, clouds, folder),
-        }
+        areas = _attachments(name, clouds, folder)
+        muscles[name] = {"surface": f"muscles/{name}.vtp", "fibres": fibres, "attachments": areas}
     tables = _DATA["scene"] | {"muscles": muscles}
     model = tables["opensim"]["model"]
     with replacing(folder / model) as partial:
@@ -171,7 +166,5 @@ def _attachments(muscle: str, clouds: Mapping[str, Mapping[str, Floats]], folder
 def _bone(path: Path) -> vtkPolyData:
     """Return a clean bone with outward triangles, without repeated and loose points."""
     clean = vtkCleanPolyData(input_data=read_surface(path), tolerance=0.0, convert_polys_to_lines=False)
-    clean.Update()
-    points = points_of(clean.GetOutput())
-    triangles = triangles_of(clean.GetOutput(), path.name)
+    points, triangles = checked_surface(clean.update().output, path.name)
     return surface_from(points, triangles if signed_volume(points, triangles) > 0 else triangles[:, ::-1])

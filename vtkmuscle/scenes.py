@@ -277,12 +277,8 @@ class Scene(SceneData, ByName):
         rest = {name: value for name, value in settings.items() if name not in (*_OWN, *_PATHS)}
         solver = {name: value for name, value in rest.items() if name in Solver.model_fields}
         of_fibres = {name: value for name, value in rest.items() if name not in solver}
-        muscles = {
-            name: replace(
-                muscle,
-                solver={**muscle.solver, **solver},
-                fibres=None if muscle.fibres is None else {**muscle.fibres, **of_fibres},
-            )
-            for name, muscle in self.muscles.items()
-        }
+        muscles = {}
+        for name, muscle in self.muscles.items():
+            fibres = None if muscle.fibres is None else {**muscle.fibres, **of_fibres}
+            muscles[name] = replace(muscle, solver={**muscle.solver, **solver}, fibres=fibres)
         return replace(self, muscles=muscles, files={}, **own)

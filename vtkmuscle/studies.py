@@ -20,8 +20,7 @@ from vtkmuscle.io.children import child_context
 from vtkmuscle.io.writing import Outputs, locked
 from vtkmuscle.run import Result, frame_numbers
 from vtkmuscle.run.frames import run_options
-from vtkmuscle.run.store import ResultFolder
-from vtkmuscle.run.store.keys import muscle_keys
+from vtkmuscle.run.store import ResultFolder, muscle_keys
 from vtkmuscle.run.table import Table
 from vtkmuscle.scenes import Scene
 
@@ -151,13 +150,10 @@ def run_labelled(
     if outputs is not None:
         outputs.check(outputs.folder / "cohort.csv")
     with _folder(out) as folder:
-        targets = [folder / name for name in names]
-        files = [
-            scene.save(target / "scene") if isinstance(scene, Scene) else Path(scene).absolute()
-            for target, (_, scene) in zip(targets, labelled, strict=True)
-        ]
-        folders = [None] * len(files) if out is None else targets
-        tasks = [(file, target, asked) for file, target in zip(files, folders, strict=True)]
+        tasks = []
+        for name, (_, scene) in zip(names, labelled, strict=True):
+            saved = scene.save(folder / name / "scene") if isinstance(scene, Scene) else Path(scene)
+            tasks.append((saved.absolute(), None if out is None else folder / name, asked))
         rows: dict[int, list[Row]] = {}
         for number, solved in _solved(tasks, client, workers or processors()):
             rows[number] = [dict(labelled[number][0]) | row for row in solved]
@@ -229,23 +225,17 @@ def _failed(message: str, out: Path | None = None) -> Row:
 
 def _row(result: Result, name: str, out: Path | None) -> Row:
     """Return the numbers of a muscle by column."""
-    muscle = result.report["muscles"][name]
-    message = "; ".join(reason["says"] for reason in muscle["verdict"]["reasons"])
-    values = (name, muscle["verdict"]["verdict"], message, "" if out is None else out.name)
+    muscle, message = result.report["muscles"][name], "; ".join(result[name].reasons)
+    values = (name, result.verdicts[name], message, "" if out is None else out.name)
     row: Row = dict(zip(COLUMNS, values, strict=True))
     row |= {"frames": len(muscle["frames"]), "seconds": sum(muscle["seconds"].values())}
     row["volume_mm3"] = muscle.get("volume_mm3")
     architecture = muscle.get("architecture", {})
     row |= {key: architecture[key] for key in ("pcsa_mm2", "pcsa_without_tendon_mm2") if key in architecture}
-    means = {
-        quantity: lengths[name].mean(axis=1)
-        for quantity, lengths in (("length", result.lengths), ("fibre_length", result.fibre_lengths))
-        if name in lengths
-    }
-    arms = result.all_arms.get(name, {})
-    for quantity, mean in (
-        means | {f"moment_arm_{axis}": joint.mean for axis, joint in arms.items()}
-    ).items():
+    lengths = {"length": result.lengths, "fibre_length": result.fibre_lengths}
+    means = {quantity: rows[name].mean(axis=1) for quantity, rows in lengths.items() if name in rows}
+    means |= {f"moment_arm_{axis}": joint.mean for axis, joint in result.all_arms.get(name, {}).items()}
+    for quantity, mean in means.items():
         row[f"{quantity}_mm"] = float(mean.mean())
         row |= {f"{quantity}_least_mm": float(mean.min()), f"{quantity}_largest_mm": float(mean.max())}
     return row
@@ -260,10 +250,7 @@ def folder_name(labels: Mapping[str, Any]) -> str:
 
 @contextmanager
 def _folder(out: str | PathLike[str] | None) -> Iterator[Path]:
-    """Give the held folder of the results.
-
-    Concurrent processes are kept out. Without ``out`` the folder is temporary.
-    """
+    """Give the held folder of the results."""
     if out is None:
         with TemporaryDirectory() as folder:
             yield Path(folder)

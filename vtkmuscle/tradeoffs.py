@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.moment_arms.of_joints import JointArms
-from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters.deformer import PRESETS
 from vtkmuscle.filters.taut_paths import PATH_PRESETS
@@ -31,18 +29,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Settings that are tried where none are named.
-TRIED: Mapping[str, tuple[Any, ...]] = {
-    "deformer": ("none", "paths", "pbd"),
-    "quality": ("preview", "balanced", "accurate"),
-}
+_QUALITIES = ("preview", "balanced", "accurate")
+TRIED: Mapping[str, tuple[Any, ...]] = {"deformer": ("none", "paths", "pbd"), "quality": _QUALITIES}
 
 #: The limit of a deformer: the numbers of ``"accurate"``, doubled.
 _FINEST_PATHS = {"paths": {"resolution": 2 * PATH_PRESETS["accurate"]["resolution"]}}
-LIMITS: Mapping[str, Mapping[str, Any]] = {
-    "none": _FINEST_PATHS,
-    "paths": _FINEST_PATHS,
-    "pbd": {"iterations": 2 * PRESETS["accurate"]["iterations"], "solved_triangles": 0},
-}
+_FINEST_PBD = {"iterations": 2 * PRESETS["accurate"]["iterations"], "solved_triangles": 0}
+LIMITS: Mapping[str, Any] = {"none": _FINEST_PATHS, "paths": _FINEST_PATHS, "pbd": _FINEST_PBD}
 
 #: Parameters that a quality sets: the scene's own would defeat it.
 _OF_QUALITY = {"resolution", "n_paths", "iterations", "solved_triangles"}
@@ -91,9 +84,8 @@ class Tradeoff:
             least = "none has one" if np.isnan(errors).all() else f"the least is {np.nanmin(errors):.3g} mm"
             raise InputError("within", f"no setting has an error of {within:g} mm or less; {least}")
         best = int(allowed[np.argmin(whole["ms"][allowed])])
-        return {name: whole[name][best].item() for name in (*self.settings, "ms")} | {
-            "error_mm": float(errors[best])
-        }
+        cheapest = {name: whole[name][best].item() for name in (*self.settings, "ms")}
+        return cheapest | {"error_mm": float(errors[best])}
 
     def figure(self) -> Figure:
         """Return a figure of time against errors, a point per setting."""
@@ -107,16 +99,11 @@ class Tradeoff:
         labels = [", ".join(str(whole[name][i]) for name in self.settings) for i in range(len(whole["ms"]))]
         for axes, name in zip(panels, shown, strict=False):
             for i, label in enumerate(labels):
-                if np.isfinite(whole[name][i]):
-                    (point,) = axes.plot(whole["ms"][i], whole[name][i], "o")
-                    axes.annotate(
-                        label,
-                        (whole["ms"][i], whole[name][i]),
-                        (4, 4),
-                        textcoords="offset points",
-                        fontsize=7,
-                        color=point.get_color(),
-                    )
+                at = whole["ms"][i], whole[name][i]
+                if np.isfinite(at[1]):
+                    (point,) = axes.plot(*at, "o")
+                    look = {"textcoords": "offset points", "fontsize": 7, "color": point.get_color()}
+                    axes.annotate(label, at, (4, 4), **look)
             most = np.nanmax(whole["ms"]), np.nanmax(whole[name])
             axes.set(xlim=(0.0, 1.4 * most[0]), ylim=(0.0, 1.1 * most[1] or 1.0))  # room for the labels
             axes.set(xlabel="processor time a pose [ms]", ylabel=ERRORS[name])
@@ -203,9 +190,7 @@ def tradeoff(
         for values, result in zip(tried, results, strict=False):
             limit = at_limit[values.get("deformer", scene.deformer)]
             message = messages.get(folder_name(values), "")
-            measured = (
-                {} if result is None else {name: _measured(result, limit, name) for name in scene.muscles}
-            )
+            measured = {name: _measured(result, limit, name) for name in scene.muscles if result is not None}
             for name, row in ({ALL: _together(measured)} | measured).items():
                 rows.append([*values.values(), name, *row.values(), message])
         columns = (*varied, "muscle", "verdict", "ms", *ERRORS, "message")
@@ -223,9 +208,8 @@ def _without(scene: Scene, names: set[str]) -> Scene:
         return {name: value for name, value in (own or {}).items() if name not in names}
 
     muscles = {name: replace(muscle, solver=rest(muscle.solver)) for name, muscle in scene.muscles.items()}
-    return replace(
-        scene, muscles=muscles, solver=rest(scene.solver), paths=rest(scene.paths) or None, files={}
-    )
+    scene_wide: dict[str, Any] = {"solver": rest(scene.solver), "paths": rest(scene.paths) or None}
+    return replace(scene, muscles=muscles, files={}, **scene_wide)
 
 
 def _result(folder: Path) -> Result | None:
@@ -252,32 +236,21 @@ def _measured(result: Result, limit: Result | None, name: str) -> dict[str, Any]
     whole = len(result.frames)
     if limit is None or result.finished(name) < whole or limit.finished(name) < whole:
         return row
-    for lengths, reference in (
-        (result.lengths, limit.lengths),
-        (result.fibre_lengths, limit.fibre_lengths),
-    ):
-        if name in lengths and name in reference:
-            row["length_rms_mm"] = _rms([lengths[name].mean(axis=1) - reference[name].mean(axis=1)])
+    for lengths, finest in ((result.lengths, limit.lengths), (result.fibre_lengths, limit.fibre_lengths)):
+        if name in lengths and name in finest:
+            row["length_rms_mm"] = _rms([lengths[name].mean(axis=1) - finest[name].mean(axis=1)])
             break
-    finest = limit.all_arms.get(name, {})
-    row["moment_arm_rms_mm"] = _rms([_off(arms[axis], finest[axis]) for axis in arms if axis in finest])
+    off = []
+    for axis, best in limit.all_arms.get(name, {}).items():
+        if axis in arms:  # in the frames that have both
+            _, here, there = np.intersect1d(arms[axis].frames, best.frames, return_indices=True)
+            off.append(arms[axis].mean[here] - best.mean[there])
+    row["moment_arm_rms_mm"] = _rms(off)
     if result.report["deformer"] != "none":
-        row["surface_rms_mm"] = MILLIMETRES[result.units] * _rms(
-            [
-                np.linalg.norm(
-                    points_of(result.muscle(name, time=at)) - points_of(limit.muscle(name, time=at)), axis=1
-                )
-                for at in result.times
-            ]
-        )
+        pairs = ((points_of(run.muscle(name, time=at)) for run in (result, limit)) for at in result.times)
+        off = [np.linalg.norm(points - finest_points, axis=1) for points, finest_points in pairs]
+        row["surface_rms_mm"] = MILLIMETRES[result.units] * _rms(off)
     return row
-
-
-def _off(arms: JointArms, limit: JointArms) -> Floats:
-    """Return the differences of mean moment arms, in the frames that have both."""
-    _, here, there = np.intersect1d(arms.frames, limit.frames, return_indices=True)
-    difference: Floats = arms.mean[here] - limit.mean[there]
-    return difference
 
 
 def _middle(curve: Any) -> Any:

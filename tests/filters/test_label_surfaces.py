@@ -8,8 +8,7 @@ from phantoms import label_map, spindle_over_hinge
 
 from vtkmuscle.core.mesh.surface import signed_volume, survey
 from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, field_string
-from vtkmuscle.data.isosurface import label_surface
-from vtkmuscle.data.label_images import Label, label_field, label_image
+from vtkmuscle.data.label_images import Label, label_field, label_image, label_surface
 from vtkmuscle.filters import LabelSurfaces
 
 BALL = np.linalg.norm(np.indices((30, 30, 30)) - 14.5, axis=0) < 10.2

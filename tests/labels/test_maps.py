@@ -17,14 +17,14 @@ from vtkmuscle.data.label_images import label_image, labels_in
 from vtkmuscle.filters.attachment_estimator import estimated_areas
 from vtkmuscle.io import read_surface
 from vtkmuscle.io.writing import write_polydata
-from vtkmuscle.labels import maps
-from vtkmuscle.labels.maps import draft_of_labels, taut_line
+from vtkmuscle.labels import page
+from vtkmuscle.labels.page import draft_of_labels, taut_line
 from vtkmuscle.phantoms.implicit import ball
 from vtkmuscle.phantoms.meshing import mesh_of
 
 
 def draft_of(image, monkeypatch, **options):
-    monkeypatch.setattr(maps, "read_labels", lambda *_, **__: [image])
+    monkeypatch.setattr(page, "read_labels", lambda *_, **__: [image])
     return draft_of_labels("hip.nrrd", **options)
 
 

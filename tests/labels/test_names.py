@@ -3,7 +3,7 @@
 import pytest
 
 from vtkmuscle.data.anatomy import plain_name, side_of
-from vtkmuscle.labels.names import kind_of, name_table
+from vtkmuscle.labels.reading import kind_of, name_table
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import gzip
 
 import numpy as np
 
-from vtkmuscle.report.scene3d import TYPES
+from vtkmuscle.report.data import TYPES
 
 
 def unpacked(text):

@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 from vtkmuscle import Result
 from vtkmuscle.cli import app
 from vtkmuscle.report import page_of
-from vtkmuscle.report.curves import curves_of
-from vtkmuscle.report.scene3d import Pack
+from vtkmuscle.report.data import Pack, curves_of
 
 #: Whatever a browser would load: in attributes of HTML, or in a style.
 LOADS = re.compile(r"""(?:src|href|action)\s*=\s*["']?(?!#|data:)[^"'\s>]+|url\(|@import""")
@@ -137,7 +136,7 @@ def test_a_page_ends_in_html(run_folder, tmp_path):
 
 
 def test_numbers_are_short_and_plain():
-    from vtkmuscle.report.tables import number
+    from vtkmuscle.report.page import number
 
     found = [number(value) for value in (0.0, 1.0, -12.345, 1234.5, 0.00012, None, np.nan, 99.97, 1e-9)]
     assert found == [

@@ -10,8 +10,8 @@ from tiny_scene import ellipsoid
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.data.arrays import checked_surface, points_of
-from vtkmuscle.report import scene3d
-from vtkmuscle.report.scene3d import Pack
+from vtkmuscle.report import data as scene3d
+from vtkmuscle.report.data import Pack
 
 
 @pytest.fixture

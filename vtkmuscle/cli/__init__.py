@@ -17,31 +17,10 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from vtkmuscle import __version__
-from vtkmuscle.cli.options import (
-    BAD_INPUT,
-    FAILED,
-    INTERRUPTED,
-    Command,
-    OutOption,
-    OverwriteOption,
-    QuietOption,
-    RunArguments,
-    TerminatedError,
-    named,
-    say,
-    with_options,
-)
-from vtkmuscle.cli.results import (
-    ExportOptions,
-    check,
-    compare,
-    export_muscles,
-    figures,
-    from_labels,
-    init,
-    report,
-)
+import vtkmuscle
+from vtkmuscle.cli import options as shared
+from vtkmuscle.cli.options import BAD_INPUT, FAILED, INTERRUPTED
+from vtkmuscle.cli.results import check, compare, export, figures, from_labels, init, report
 from vtkmuscle.cli.running import cohort, run_and_report, tradeoff
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.io.children import start_early
@@ -58,7 +37,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-command = partial(app.command, cls=Command)
+command = partial(app.command, cls=shared.Command)
 
 
 def main() -> None:
@@ -84,12 +63,12 @@ def main() -> None:
 
 def _terminate(number: int, _frame: object) -> None:
     """Stop as on Ctrl-C: finished frames are measured and listed."""
-    raise TerminatedError(number)
+    raise shared.TerminatedError(number)
 
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"vtkmuscle {__version__}")
+        typer.echo(f"vtkmuscle {vtkmuscle.__version__}")
         raise typer.Exit
 
 
@@ -103,49 +82,48 @@ def _options(
 
 
 @command()
-@with_options
+@shared.with_options
 def run(
-    scene: Annotated[Path, Argument(help="A scene.toml.")], out: OutOption = None, *, options: RunArguments
+    scene: Annotated[Path, Argument(help="A scene.toml.")],
+    out: shared.OutOption = None,
+    *,
+    options: shared.RunArguments,
 ) -> None:
     """Run a scene: deform muscles, move their fibres, measure and write results.
 
     Without --out results go to NAME_out in the working folder; with --muscle to NAME_MUSCLE_out.
     """
     start_early(options.workers)
-    from vtkmuscle.scenes import Scene
-
-    loaded = Scene.load(scene)
+    loaded = vtkmuscle.Scene.load(scene)
     # A run of some muscles would remove the others' results from the folder of all.
     parts = [loaded.name, *(options.muscle or ()), "out"]
     run_and_report(loaded, out or Path("_".join(parts)), options)
 
 
 @command()
-@with_options
-def demo(out: OutOption = None, *, options: RunArguments) -> None:
+@shared.with_options
+def demo(out: shared.OutOption = None, *, options: shared.RunArguments) -> None:
     """Run a phantom hip, and write its scene as a template. Without --out results go to vtkmuscle_demo."""
     folder = out or Path("vtkmuscle_demo")
     start_early(options.workers)
-    from vtkmuscle import phantoms
     from vtkmuscle.scene.writing import save_unless_there
-    from vtkmuscle.scenes import Scene
 
-    scene = Scene.from_phantom(phantoms.hip(angles=DEMO_ANGLES))
-    loaded = Scene.load(path := save_unless_there(scene, folder / "scene", overwrite=options.overwrite))
-    say(options.quiet, f"The scene is {path}: edit the file, or use your own surfaces, and run")
-    say(options.quiet, f"  vtkmuscle run {path}")
+    scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.hip(angles=DEMO_ANGLES))
+    path = save_unless_there(scene, folder / "scene", overwrite=options.overwrite)
+    loaded = vtkmuscle.Scene.load(path)
+    shared.say(options.quiet, f"The scene is {path}: edit the file, or use your own surfaces, and run")
+    shared.say(options.quiet, f"  vtkmuscle run {path}")
     run_and_report(loaded, folder, options)
 
 
 @command()
 def selftest() -> None:
     """Test the installation with known answers, and print what a report of a problem needs."""
-    from vtkmuscle.installation import installation
-    from vtkmuscle.installation import selftest as tested
+    from vtkmuscle import installation
 
-    for word, fact in installation().items():
+    for word, fact in installation.installation().items():
         typer.echo(f"{word:<12}{fact}")
-    table = tested()
+    table = installation.selftest()
     for quantity, measured, known, within, passed in zip(*table.values(), strict=True):
         verdict = "passed" if passed else "FAILED"
         typer.echo(f"{verdict}  {quantity}: {measured:.6g}, known {known:.6g}, within {within:g}")
@@ -155,25 +133,22 @@ def selftest() -> None:
 
 @command()
 def info(
-    files: Annotated[
-        list[Path], Argument(help="Meshes, landmarks, OpenSim models or motions, or folders of results.")
-    ],
+    files: Annotated[list[Path], Argument(help="Meshes, landmarks, OpenSim files, or folders of results.")],
     draw: Annotated[Path | None, Option(metavar="PNG", help="Draw the first file, of landmarks.")] = None,
-    overwrite: OverwriteOption = False,
+    overwrite: shared.OverwriteOption = False,
 ) -> None:
     """Describe meshes: size, topology, pieces, volume, likely unit.
 
     Landmarks: number, ring, frame. OpenSim models: bodies, joints, coordinates, muscles. Motions: columns.
     Folders of results: frames.
     """
-    from vtkmuscle.cli.info import facts_of
+    from vtkmuscle.cli.info import draw_landmarks, facts_of
 
     for file in files:
         typer.echo(f"{file}")
         for word, value in facts_of(file).items():
             typer.echo(f"  {word:<12}{value}")
     if draw is not None:
-        from vtkmuscle.cli.info import draw_landmarks
         from vtkmuscle.io.writing import Outputs
 
         with Outputs(draw.parent, inputs=files, overwrite=overwrite):
@@ -181,35 +156,17 @@ def info(
         typer.echo(f"wrote {draw}")
 
 
-@command()
-@with_options
-def export(
-    source: Annotated[Path, Argument(help="Folder of a run's results, or a scene.toml.")],
-    out: Annotated[Path, Argument(help=".osim, or .xml for MuJoCo.")],
-    *,
-    options: ExportOptions,
-) -> None:
-    """Export the muscles of a scene with joints to OpenSim or MuJoCo.
-
-    The source is a folder of results, or a scene, which is run first. Differences of lengths and moment arms
-    from the run are printed and written.
-    """
-    export_muscles(source, out, options)
-
-
-for one in (report, figures, compare, cohort, tradeoff, from_labels, init, check):
+for one in (export, report, figures, compare, cohort, tradeoff, from_labels, init, check):
     command(one.__name__.replace("_", "-"))(one)
 
 
 @command()
 def fetch(
     name: Annotated[str | None, Argument(help="A data set. Without a name, list all of them.")] = None,
-    out: OutOption = None,
-    accept_licence: Annotated[
-        bool, Option("--accept-licence", help="Accept the licence without being asked.")
-    ] = False,
+    out: shared.OutOption = None,
+    accept_licence: Annotated[bool, Option("--accept-licence", help="Accept it without a question.")] = False,
     host: Annotated[str | None, Option(metavar="URL", help="A mirror of GitHub's raw files.")] = None,
-    quiet: QuietOption = False,
+    quiet: shared.QuietOption = False,
 ) -> None:
     """Download a public data set as a scene, under its own licence.
 
@@ -226,17 +183,16 @@ def fetch(
             accept_licence = sys.stdin.isatty() and typer.confirm("Do you accept the licence?")
         if not accept_licence:
             raise InputError(name, "the licence is not accepted", "add --accept-licence to accept")
-    announce = partial(say, quiet)
+    announce = partial(shared.say, quiet)
     path = public.fetch(name, out, accept_licence=True, host=host or public.HOST, announce=announce)
-    say(quiet, f"The scene is {path}. Run")
-    say(quiet, f"  vtkmuscle run {path}")
+    shared.say(quiet, f"The scene is {path}. Run")
+    shared.say(quiet, f"  vtkmuscle run {path}")
 
 
 @command("paraview-path")
 def paraview_path(
     folder: Annotated[
-        Path | None,
-        Option(metavar="PATH", parser=named, help="Folder for the links; by default one in your cache."),
+        Path | None, Option(metavar="PATH", parser=shared.named, help="Default: one in your cache.")
     ] = None,
 ) -> None:
     """Print the environment variables for the filters in ParaView.

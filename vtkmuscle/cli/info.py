@@ -67,11 +67,10 @@ def _of_landmarks(file: Path) -> dict[str, str]:
     points, closed = read_landmarks(file)
     around = np.vstack([points, points[:1]]) if closed else points
     length = float(np.linalg.norm(np.diff(around, axis=0), axis=1).sum())
-    names = [name for name in found.names if name]
     return {
         "landmarks": str(len(points)),
-        "ring": f"{'yes' if closed else 'no'}, {length:.6g} {'round' if closed else 'along'}",
-        "names": _listed(names) if names else "none",
+        "ring": f"yes, {length:.6g} round" if closed else f"no, {length:.6g} along",
+        "names": _listed([name for name in found.names if name]),
         "frame": f"{found.frame}, turned to LPS" if found.frame == "RAS" else found.frame or "not said",
         "bounds": _bounds(points),
     }
@@ -80,36 +79,27 @@ def _of_landmarks(file: Path) -> dict[str, str]:
 def _of_motion(file: Path) -> dict[str, str]:
     found = read_motion_file(file)
     units = {True: "degrees", False: "radians", None: "not said"}
-    return {
-        "rows": f"{len(found.times)}, {found.times[0]:g} .. {found.times[-1]:g} s",
-        "angles": units[found.degrees],
-        "columns": _listed(
-            [
-                f"{label} ({column.min():.4g} .. {column.max():.4g})"
-                for label, column in zip(found.labels, found.table.T, strict=True)
-            ]
-        ),
-    }
+    columns = zip(found.labels, found.table.T, strict=True)
+    ranges = [f"{label} ({column.min():.4g} .. {column.max():.4g})" for label, column in columns]
+    rows = f"{len(found.times)}, {found.times[0]:g} .. {found.times[-1]:g} s"
+    return {"rows": rows, "angles": units[found.degrees], "columns": _listed(ranges)}
 
 
 def _of_model(model: OsimModel) -> dict[str, str]:
     tree = model.tree
-    joints = [f"{joint.name} ({joint.kind})" for joint in tree.joints]
-    coordinates = [f"{one.name} [{one.unit}]" for one in tree.coordinates]
-    facts = {
-        "model": model.name,
-        "bodies": _listed(list(tree.bodies)),
-        "joints": _listed(joints),
-        "coordinates": _listed(coordinates),
-        "coupled": _listed([f"{one.dependent} to {one.independent}" for one in tree.couplings]),
-        "markers": str(len(model.markers)),
-        "muscles": _listed(list(model.muscles)),
-        "ligaments": _listed(list(model.ligaments)),
-        "wrapped": _listed([name for name, one in model.paths.items() if getattr(one.path, "wraps", ())]),
-        "meshes": _listed([mesh.file for mesh in model.meshes]),
-        "not used": _listed(list(model.not_used)),
+    lists = {
+        "bodies": tree.bodies,
+        "joints": [f"{joint.name} ({joint.kind})" for joint in tree.joints],
+        "coordinates": [f"{one.name} [{one.unit}]" for one in tree.coordinates],
+        "coupled": [f"{one.dependent} to {one.independent}" for one in tree.couplings],
+        "muscles": model.muscles,
+        "ligaments": model.ligaments,
+        "wrapped": [name for name, one in model.paths.items() if getattr(one.path, "wraps", ())],
+        "meshes": [mesh.file for mesh in model.meshes],
+        "not used": model.not_used,
     }
-    return {word: value for word, value in facts.items() if value != "none"}
+    facts = {word: _listed(list(names)) for word, names in lists.items() if names}
+    return {"model": model.name, **facts, "markers": str(len(model.markers))}
 
 
 def _bounds(points: Floats) -> str:

@@ -9,12 +9,12 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
 from tempfile import mkdtemp
 from traceback import format_exception
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -39,19 +39,9 @@ def out_option(metavar: str, help: str) -> Any:  # noqa: A002 -- typer's word
 OutOption = Annotated[Path | None, out_option("PATH", "Folder to write to.")]
 FolderOption = Annotated[Path, out_option("PATH", "Folder to write to.")]
 FramesOption = Annotated[str | None, Option(metavar="A:B", help="Frames, from 0, without B. Default: all.")]
-FreshOption = Annotated[bool, Option("--fresh", help="Compute finished muscles again.")]
-LiteratureOption = Annotated[
-    Path | None, Option("--literature", metavar="CSV", help="Published moment arms.")
-]
-OverwriteOption = Annotated[
-    bool, Option("--overwrite", help="Replace files that vtkmuscle has not written; never inputs.")
-]
+LiteratureOption = Annotated[Path | None, Option(metavar="CSV", help="Published moment arms.")]
+OverwriteOption = Annotated[bool, Option("--overwrite", help="Replace files of other origin; never inputs.")]
 QuietOption = Annotated[bool, Option("--quiet", "-q", help="Print errors and warnings only.")]
-
-
-WorkersOption = Annotated[
-    int | None, Option(metavar="N", min=1, help="Number of processes. Default: one per processor.")
-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,9 +49,9 @@ class CohortOptions:
     """The options of commands that run scenes."""
 
     frames: FramesOption = None
-    workers: WorkersOption = None
+    workers: Annotated[int | None, Option(metavar="N", min=1, help="Processes; default: all cores.")] = None
     report: Annotated[bool, Option("--report/--no-report", help="Write report.html.")] = False
-    fresh: FreshOption = False
+    fresh: Annotated[bool, Option("--fresh", help="Compute finished muscles again.")] = False
     overwrite: OverwriteOption = False
     quiet: QuietOption = False
 
@@ -72,9 +62,7 @@ class RunArguments(CohortOptions):
 
     figures: Annotated[bool, Option("--figures/--no-figures", help="Draw figures.")] = True
     report: Annotated[bool, Option("--report/--no-report", help="Write report.html.")] = True
-    only: Annotated[
-        str | None, Option(metavar="lengths|moment_arms|surfaces", help="Compute and write this alone.")
-    ] = None
+    only: Annotated[str | None, Option(metavar="lengths|moment_arms|surfaces", help="This alone.")] = None
     muscle: Annotated[list[str] | None, Option(metavar="NAME", help="A muscle to run; repeatable.")] = None
     deformer: Annotated[str | None, Option(metavar="paths|pbd|none", help="In place of the scene's.")] = None
     quality: Annotated[
@@ -93,13 +81,7 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     signature = inspect.signature(command, eval_str=True)
     *before, last = signature.parameters.values()
     kind = last.annotation
-    hints = get_type_hints(kind, include_extras=True)
-    single = [
-        inspect.Parameter(
-            one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=hints[one.name]
-        )
-        for one in fields(kind)
-    ]
+    single = inspect.signature(kind, eval_str=True).parameters.values()
 
     @wraps(command)
     def with_single(*arguments: Any, **keywords: Any) -> None:
@@ -238,7 +220,6 @@ def say(quiet: bool, text: str) -> None:
         typer.echo(text)
 
 
-def print_error(text: str, *, style: str = "bold red", console: Console | None = None) -> None:
+def print_error(text: str, *, style: str = "bold red") -> None:
     """Print a text to standard error, above progress bars."""
-    to = console or Console(stderr=True)
-    to.print(text, markup=False, highlight=False, style=style, soft_wrap=True)
+    Console(stderr=True).print(text, markup=False, highlight=False, style=style, soft_wrap=True)

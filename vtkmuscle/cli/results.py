@@ -12,22 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument, Option
 
-from vtkmuscle.cli.options import (
-    FAILED,
-    FolderOption,
-    LiteratureOption,
-    OutOption,
-    OverwriteOption,
-    QuietOption,
-    out_option,
-    say,
-    with_options,
-)
+import vtkmuscle
+from vtkmuscle.cli import options as shared
 from vtkmuscle.core.errors import InputError
 
 if TYPE_CHECKING:
     from vtkmuscle.labels.draft import Draft
-    from vtkmuscle.run import Result
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,36 +27,32 @@ class ExportOptions:
     form: Annotated[str, Option(help="For OpenSim: functions, or points.")] = "functions"
     groups: Annotated[int, Option(min=1, help="For OpenSim: groups of fibres per muscle, at most.")] = 1
     into: Annotated[Path | None, Option(help="For OpenSim: a model to put the muscles into.")] = None
-    replace: Annotated[
-        list[str] | None,
-        Option(metavar="OURS=THEIRS", help="A muscle, and the replaced muscle."),
-    ] = None
+    replace: Annotated[list[str] | None, Option(metavar="OURS=THEIRS", help="A muscle to replace.")] = None
     specific_tension: Annotated[float, Option(help="Force per cross-section, in N/cm^2.")] = 60.0
     mass: Annotated[list[str] | None, Option(metavar="BODY=KG", help="Mass of a new body.")] = None
     geometry_only: Annotated[bool, Option("--geometry-only", help="Paths alone.")] = False
-    overwrite: OverwriteOption = False
+    overwrite: shared.OverwriteOption = False
 
 
-def export_muscles(source: Path, out: Path, options: ExportOptions) -> None:
-    """Write a model; print the differences from the run."""
+@shared.with_options
+def export(
+    source: Annotated[Path, Argument(help="Folder of a run's results, or a scene.toml.")],
+    out: Annotated[Path, Argument(help=".osim, or .xml for MuJoCo.")],
+    *,
+    options: ExportOptions,
+) -> None:
+    """Export the muscles of a scene with joints to OpenSim or MuJoCo.
+
+    The source is a folder of results, or a scene, which is run first. Differences of lengths and moment arms
+    from the run are printed and written.
+    """
     from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
-    from vtkmuscle.opensim.from_run import export as exported
 
-    settings: dict[str, Any] = {"kind": GEOMETRY_ONLY} if options.geometry_only else {}
-    if out.suffix.lower() == ".osim":
-        settings["form"] = options.form
-    written = exported(
-        source,
-        out,
-        into=options.into,
-        replace=pairs(options.replace),
-        overwrite=options.overwrite,
-        groups=options.groups,
-        specific_tension=options.specific_tension,
-        masses={body: _kilograms(text) for body, text in pairs(options.mass, "--mass").items()},
-        **settings,
-    )
-    for muscle in written:
+    names = ["into", "overwrite", "groups", "specific_tension", *["form"] * (out.suffix.lower() == ".osim")]
+    settings: dict[str, Any] = {name: getattr(options, name) for name in names}
+    settings |= {"kind": GEOMETRY_ONLY} if options.geometry_only else {}
+    masses = {body: _kilograms(text) for body, text in pairs(options.mass, "--mass").items()}
+    for muscle in vtkmuscle.export(source, out, replace=pairs(options.replace), masses=masses, **settings):
         typer.echo(f"{muscle.out.name}: {muscle}")
         if parameters := muscle.out.parameters:
             typer.echo("  " + ", ".join(f"{name} {value:.4g}" for name, value in parameters.items()))
@@ -99,20 +85,18 @@ class CheckOptions:
 
     repair: Annotated[Path | None, Option(help="Write the model with a scene's paths.")] = None
     scene: Annotated[Path | None, Option(help="For --repair: a scene.toml, or its results.")] = None
-    replace: Annotated[
-        list[str] | None, Option(metavar="OURS=THEIRS", help="For --repair: as for an export.")
-    ] = None
-    fail_above: Annotated[
-        float | None, Option(metavar="MM", help="Exit with 1 if a jump or a change of sign is larger.")
-    ] = None
+    replace: Annotated[list[str] | None, Option(metavar="OURS=THEIRS", help="For --repair.")] = None
+    fail_above: Annotated[float | None, Option(metavar="MM", help="Exit with 1 above this size.")] = None
     json: Annotated[bool, Option("--json", help="Print findings as JSON.")] = False
-    overwrite: OverwriteOption = False
+    overwrite: shared.OverwriteOption = False
 
 
-@with_options
+@shared.with_options
 def check(
     model: Annotated[Path, Argument(help="A model of OpenSim, .osim.")],
-    out: Annotated[Path | None, out_option("HTML", "The page. Default: MODEL_check.html here.")] = None,
+    out: Annotated[
+        Path | None, shared.out_option("HTML", "The page. Default: MODEL_check.html here.")
+    ] = None,
     *,
     options: CheckOptions,
 ) -> None:
@@ -156,14 +140,14 @@ def check(
         typer.echo(f"wrote {page}, {table}")
     sizes = [1000.0 * finding.size for finding in checked.findings if "fibre" not in finding.what]
     if options.fail_above is not None and max(sizes, default=0.0) > options.fail_above:
-        raise typer.Exit(FAILED)
+        raise typer.Exit(shared.FAILED)
 
 
 def report(
     results: Annotated[Path, Argument(help="Folder of a run's results.")],
-    out: Annotated[Path | None, out_option("HTML", "Default: report.html in that folder.")] = None,
-    literature: LiteratureOption = None,
-    overwrite: OverwriteOption = False,
+    out: Annotated[Path | None, shared.out_option("HTML", "Default: report.html in that folder.")] = None,
+    literature: shared.LiteratureOption = None,
+    overwrite: shared.OverwriteOption = False,
 ) -> None:
     """Write the page of a finished run again: scene, curves, tables, verdicts."""
     from vtkmuscle.io.writing import Outputs
@@ -175,22 +159,20 @@ def report(
     typer.echo(f"wrote {page}")
 
 
-def _loaded(results: Path, literature: Path | None) -> Result:
+def _loaded(results: Path, literature: Path | None) -> vtkmuscle.Result:
     """Return the results in a folder, with optional published moment arms."""
-    from vtkmuscle.run import Result
-
-    result = Result.load(results)
+    result = vtkmuscle.Result.load(results)
     return result if literature is None else result.with_literature(literature)
 
 
 def figures(
     results: Annotated[Path, Argument(help="Folder of a run's results.")],
-    out: Annotated[Path | None, out_option("PATH", "Default: figures in that folder.")] = None,
+    out: Annotated[Path | None, shared.out_option("PATH", "Default: figures in that folder.")] = None,
     form: Annotated[str, Option(metavar="png|pdf|svg", help="Of the files.")] = "png",
     dpi: Annotated[float, Option(help="Pixels per inch of pictures.")] = 300.0,
     width: Annotated[float, Option(help="Width on paper, in mm: 85 for a column, 180 for two.")] = 180.0,
-    literature: LiteratureOption = None,
-    overwrite: OverwriteOption = False,
+    literature: shared.LiteratureOption = None,
+    overwrite: shared.OverwriteOption = False,
 ) -> None:
     """Draw the figures of a finished run again."""
     from vtkmuscle.io.writing import Outputs
@@ -206,21 +188,20 @@ def figures(
 
 def compare(
     results: Annotated[list[Path], Argument(help="Folders of results; the first is the reference.")],
-    out: OutOption = None,
-    literature: LiteratureOption = None,
-    overwrite: OverwriteOption = False,
+    out: shared.OutOption = None,
+    literature: shared.LiteratureOption = None,
+    overwrite: shared.OverwriteOption = False,
 ) -> None:
     """Compare runs: a table of differences, and a figure of curves.
 
     Settings, sides and subjects match by the names of muscles and coordinates. Without --out results go to
     comparison in the working folder.
     """
-    from vtkmuscle.comparison import compare as compared
     from vtkmuscle.io.writing import Outputs
 
     folder = out or Path("comparison")
     with Outputs(folder, inputs=filter(None, [*results, literature]), overwrite=overwrite):
-        written = compared(results, literature=literature).write(folder)
+        written = vtkmuscle.compare(results, literature=literature).write(folder)
     for path in written:
         typer.echo(f"wrote {path}")
 
@@ -233,23 +214,17 @@ class LabelOptions:
     """The options of a scene from labels."""
 
     names: Annotated[str | None, Option(help="musclemap, a task of TotalSegmentator, or a .csv.")] = None
-    edge: Annotated[
-        float | None, Option(help="Edge length of triangles, in mm. Default: 2 voxels, at most 3 mm.")
-    ] = None
+    edge: Annotated[float | None, Option(help="Edges [mm]. Default: 2 voxels, at most 3 mm.")] = None
     frame: FrameOption = "LPS"
-    overwrite: OverwriteOption = False
-    quiet: QuietOption = False
+    overwrite: shared.OverwriteOption = False
+    quiet: shared.QuietOption = False
 
 
-@with_options
+@shared.with_options
 def from_labels(
-    label_map: Annotated[
-        Path, Argument(metavar="MAP", help="A .nii.gz, .nrrd, .mha or .dcm file, or a folder of files.")
-    ],
-    out: FolderOption,
-    landmarks: Annotated[
-        list[Path] | None, Argument(help="Landmarks called MUSCLE_origin or MUSCLE_insertion.")
-    ] = None,
+    label_map: Annotated[Path, Argument(metavar="MAP", help="A .nii.gz, .nrrd, .mha or .dcm, or a folder.")],
+    out: shared.FolderOption,
+    landmarks: Annotated[list[Path] | None, Argument(help="Files MUSCLE_origin or MUSCLE_insertion.")] = None,
     *,
     options: LabelOptions,
 ) -> None:
@@ -259,42 +234,28 @@ def from_labels(
     tendon is drawn to landmarks beyond a muscle's label. A muscle that fails is reported with the reason; the
     scene has the remaining muscles.
     """
-    from vtkmuscle.labels.page import from_labels as drafted
-
-    draft = drafted(
-        label_map,
-        out,
-        landmarks=landmarks or (),
-        names=options.names,
-        frame=options.frame,
-        edge=options.edge,
-        overwrite=options.overwrite,
-        announce=lambda words: say(options.quiet, words),
-    )
-    _tell(draft, options.quiet)
+    names = ("names", "frame", "edge", "overwrite")
+    settings: dict[str, Any] = {name: getattr(options, name) for name in names}
+    settings |= {"announce": lambda words: shared.say(options.quiet, words)}
+    _tell(vtkmuscle.from_labels(label_map, out, landmarks=landmarks or (), **settings), options.quiet)
 
 
 def init(
-    files: Annotated[
-        list[Path], Argument(help="Meshes, and landmarks called MUSCLE_origin or MUSCLE_insertion.")
-    ],
-    out: FolderOption = Path(),
+    files: Annotated[list[Path], Argument(help="Meshes, and landmarks MUSCLE_origin or MUSCLE_insertion.")],
+    out: shared.FolderOption = Path(),
     bone: Annotated[list[str] | None, Option(metavar="NAME", help="A bone.")] = None,
     muscle: Annotated[list[str] | None, Option(metavar="NAME", help="A muscle.")] = None,
     frame: FrameOption = "LPS",
-    overwrite: OverwriteOption = False,
-    quiet: QuietOption = False,
+    overwrite: shared.OverwriteOption = False,
+    quiet: shared.QuietOption = False,
 ) -> None:
     """Write a scene.toml from meshes and landmarks, guessing missing input.
 
     Names identify bones and muscles, sizes the unit, contact or landmarks the areas, fits to bones the
     joints. guesses.csv and comments in scene.toml list each guess with a confidence.
     """
-    from vtkmuscle.labels.page import init as drafted
-
-    _tell(
-        drafted(files, out, bones=bone or (), muscles=muscle or (), frame=frame, overwrite=overwrite), quiet
-    )
+    named = {"bones": bone or (), "muscles": muscle or ()}
+    _tell(vtkmuscle.init(files, out, frame=frame, overwrite=overwrite, **named), quiet)
 
 
 def _tell(draft: Draft, quiet: bool) -> None:
@@ -305,15 +266,15 @@ def _tell(draft: Draft, quiet: bool) -> None:
     folder = draft.file.parent
     unsure = [guess for guess in draft.guesses if guess.confidence < LOOK and guess.value != LEFT_OUT]
     words = "; check these:" if unsure else ""
-    say(quiet, f"{len(draft.guesses)} guesses are in {folder / PAGE}{words}")
+    shared.say(quiet, f"{len(draft.guesses)} guesses are in {folder / PAGE}{words}")
     for confidence, what, guess, why in table_of(unsure)[1:]:
-        say(quiet, f"  {confidence}  {what}: {guess}; {why}")
+        shared.say(quiet, f"  {confidence}  {what}: {guess}; {why}")
     for name, why in draft.left_out.items():
         typer.echo(f"left out: {name}: {why}", err=True)
     if draft.lacks:
         typer.echo(f"the scene cannot run yet: {draft.lacks}", err=True)
         surfaces = f"surfaces (.vtp) in {folder / 'bones'} and {folder / 'muscles'}"
-        say(quiet, f"wrote {draft.file}, {surfaces}, and volumes.csv")
+        shared.say(quiet, f"wrote {draft.file}, {surfaces}, and volumes.csv")
         return
-    say(quiet, f"wrote {draft.file}, with {', '.join(draft.muscles)}: check the guesses, then run")
-    say(quiet, f"  vtkmuscle run {draft.file}")
+    shared.say(quiet, f"wrote {draft.file}, with {', '.join(draft.muscles)}: check the guesses, then run")
+    shared.say(quiet, f"  vtkmuscle run {draft.file}")

@@ -7,34 +7,18 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from typer import Argument, Option
 
-from vtkmuscle.cli.options import (
-    FAILED,
-    CohortOptions,
-    FolderOption,
-    FramesOption,
-    OverwriteOption,
-    QuietOption,
-    RunArguments,
-    one_clear_error,
-    one_line,
-    print_error,
-    say,
-    stop_if_interrupted,
-    with_options,
-)
+import vtkmuscle
+from vtkmuscle.cli import options as shared
 from vtkmuscle.cli.results import pairs
 
-if TYPE_CHECKING:
-    from vtkmuscle.scenes import Scene
 
-
-def run_and_report(scene: Scene, out: Path, options: RunArguments) -> None:
+def run_and_report(scene: vtkmuscle.Scene, out: Path, options: shared.RunArguments) -> None:
     """Run a scene, and print the outcome and the files."""
     from vtkmuscle.run.store import PAGE, ResultFolder
     from vtkmuscle.run.verdict import reasons_of
@@ -44,18 +28,16 @@ def run_and_report(scene: Scene, out: Path, options: RunArguments) -> None:
     if options.deformer is not None or options.quality is not None:
         deformer, quality = options.deformer or scene.deformer, options.quality or scene.quality
         scene = replace(scene, deformer=deformer, quality=quality)
-    tell = partial(say, options.quiet)
-    if options.only is not None:
-        with one_clear_error(out):
-            _run(scene, out, options)
-        tell(f"The {options.only.replace('_', ' ')} are in {out}")
-        return
-    with one_clear_error(out):
-        left = ResultFolder(out).unfinished()
+    tell = partial(shared.say, options.quiet)
+    with shared.one_clear_error(out):
+        left = None if options.only is not None else ResultFolder(out).unfinished()
         if left is not None:
             then = "the run starts again" if options.fresh else "finished muscles are kept"
-            print_error(one_line(f"{out} {left}; {then}"), style="yellow")
+            shared.print_error(shared.one_line(f"{out} {left}; {then}"), style="yellow")
         result = _run(scene, out, options)
+    if options.only is not None:
+        tell(f"The {options.only.replace('_', ' ')} are in {out}")
+        return
     if result.report["taken_over"]:
         words = ", ".join(result.report["taken_over"])
         tell(f"kept from an earlier run with equal inputs: {words}")
@@ -63,7 +45,7 @@ def run_and_report(scene: Scene, out: Path, options: RunArguments) -> None:
         tell(f"{name}: {_summary(muscle)}")
         for reason in reasons_of(muscle["verdict"]):
             if reason.verdict == "failed":  # with --quiet too
-                print_error(f"error: {name}: {reason}")
+                shared.print_error(f"error: {name}: {reason}")
             else:
                 tell(f"  {reason}")
     names = ("report.json", "lengths.csv", "fibre_lengths.csv", "moment_arms.csv", "figures/")
@@ -73,10 +55,10 @@ def run_and_report(scene: Scene, out: Path, options: RunArguments) -> None:
     if options.report:
         tell(f"Open {out / PAGE} in a browser: scene, curves, tables, validity")
     if "failed" in result.verdicts.values():
-        raise typer.Exit(FAILED)
+        raise typer.Exit(shared.FAILED)
 
 
-def _run(scene: Scene, out: Path, options: RunArguments) -> Any:
+def _run(scene: vtkmuscle.Scene, out: Path, options: shared.RunArguments) -> Any:
     """Run a scene, or compute a single output, with progress bars."""
     from vtkmuscle.run import run_only
 
@@ -93,10 +75,8 @@ def _summary(muscle: Mapping[str, Any]) -> str:
     """Return a muscle's outcome in a line."""
     frames = muscle["frames"]
     words = [f"{len(frames)} frames"]
-    volumes, depths = (
-        [row[key] for row in frames if row.get(key) is not None]
-        for key in ("volume_ratio", "penetration_new_max_mm")
-    )
+    keys = "volume_ratio", "penetration_new_max_mm"
+    volumes, depths = ([row[key] for row in frames if row.get(key) is not None] for key in keys)
     if volumes:
         words.append(f"volume within {max(abs(volume - 1.0) for volume in volumes):.2%}")
     if depths:
@@ -109,22 +89,18 @@ def _summary(muscle: Mapping[str, Any]) -> str:
 @contextmanager
 def _progress_bars(muscles: list[str], *, quiet: bool) -> Iterator[Callable[[str, str, float], None]]:
     if quiet:
-        yield lambda *_: stop_if_interrupted()
+        yield lambda *_: shared.stop_if_interrupted()
         return
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        TaskProgressColumn(),
-        TextColumn("{task.fields[stage]}", markup=False),
-        TimeRemainingColumn(elapsed_when_finished=True),
-    )
+    name, stage = (TextColumn(f"{{task.{word}}}", markup=False) for word in ("description", "fields[stage]"))
+    remaining = TimeRemainingColumn(elapsed_when_finished=True)
+    columns = (name, BarColumn(), TaskProgressColumn(), stage, remaining)
     with Progress(*columns, console=Console(stderr=True)) as bars:
         tasks = {name: bars.add_task(name, total=1.0, stage="waiting", start=False) for name in muscles}
 
         def show(muscle: str, stage: str, fraction: float) -> None:
-            stop_if_interrupted()
+            shared.stop_if_interrupted()
             # The clock starts with the first frame: earlier stages do not predict the remaining time.
             if fraction > 0 or stage == "deforming":
                 bars.start_task(tasks[muscle])
@@ -133,32 +109,31 @@ def _progress_bars(muscles: list[str], *, quiet: bool) -> Iterator[Callable[[str
         yield show
 
 
-@with_options
+@shared.with_options
 def cohort(
     scenes: Annotated[list[Path], Argument(help="The scene.toml of each subject.")],
-    out: FolderOption,
+    out: shared.FolderOption,
     *,
-    options: CohortOptions,
+    options: shared.CohortOptions,
 ) -> None:
     """Run the scenes of many subjects, and write a table of muscles.
 
     Finished subjects in OUT are not run again: the command can be stopped and restarted.
     """
-    from vtkmuscle import studies
 
     def show(rows: Sequence[Mapping[str, Any]]) -> None:
         for row in rows:
             failed = row["verdict"] == "failed"
             words = [row["subject"], row["muscle"], row["verdict"], row["message"]]
-            line = one_line(": ".join(word for word in words if word))
-            print_error(line) if failed else say(options.quiet, line)
+            line = shared.one_line(": ".join(word for word in words if word))
+            shared.print_error(line) if failed else shared.say(options.quiet, line)
 
     names = ("workers", "frames", "report", "fresh", "overwrite")
     settings = {name: getattr(options, name) for name in names}
-    table = studies.cohort([str(scene) for scene in scenes], out, progress=show, **settings)
-    say(options.quiet, f"wrote {out / 'cohort.csv'}, {len(table['muscle'])} rows")
+    table = vtkmuscle.cohort([str(scene) for scene in scenes], out, progress=show, **settings)
+    shared.say(options.quiet, f"wrote {out / 'cohort.csv'}, {len(table['muscle'])} rows")
     if "failed" in table["verdict"]:
-        raise typer.Exit(FAILED)
+        raise typer.Exit(shared.FAILED)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,20 +149,19 @@ class TradeoffOptions:
             "Default: deformer=none,paths,pbd and quality=preview,balanced,accurate.",
         ),
     ] = None
-    within: Annotated[
-        float | None, Option(metavar="MM", help="Print the cheapest setting within an error of moment arms.")
-    ] = None
-    frames: FramesOption = None
-    workers: Annotated[
-        int, Option(metavar="N", min=1, help="Number of processes; runs side by side disturb the times.")
-    ] = 1
-    overwrite: OverwriteOption = False
-    quiet: QuietOption = False
+    within: Annotated[float | None, Option(metavar="MM", help="Print the cheapest setting within.")] = None
+    frames: shared.FramesOption = None
+    workers: Annotated[int, Option(metavar="N", min=1, help="Processes; several disturb the times.")] = 1
+    overwrite: shared.OverwriteOption = False
+    quiet: shared.QuietOption = False
 
 
-@with_options
+@shared.with_options
 def tradeoff(
-    scene: Annotated[Path, Argument(help="A scene.toml.")], out: FolderOption, *, options: TradeoffOptions
+    scene: Annotated[Path, Argument(help="A scene.toml.")],
+    out: shared.FolderOption,
+    *,
+    options: TradeoffOptions,
 ) -> None:
     """Measure speed against accuracy of a scene's settings: a table and a figure.
 
@@ -196,22 +170,18 @@ def tradeoff(
     """
     from rich.table import Table
 
-    from vtkmuscle.scenes import Scene
     from vtkmuscle.tradeoffs import ALL, ERRORS, TRIED
-    from vtkmuscle.tradeoffs import tradeoff as measure
 
-    settings = {
-        name: [_value(text) for text in texts.split(",")]
-        for name, texts in pairs(options.vary, "--vary").items()
-    }
+    varied = pairs(options.vary, "--vary")
+    settings = {name: [_value(text) for text in texts.split(",")] for name, texts in varied.items()}
 
     def show(rows: Sequence[Mapping[str, Any]]) -> None:
-        stop_if_interrupted()
+        shared.stop_if_interrupted()
         words = [str(value) for name, value in rows[0].items() if name in (*settings, *TRIED, "limit")]
-        say(options.quiet, f"{', '.join(words)}: {rows[0]['message'] or rows[0]['verdict']}")
+        shared.say(options.quiet, f"{', '.join(words)}: {rows[0]['message'] or rows[0]['verdict']}")
 
     kept: dict[str, Any] = {name: getattr(options, name) for name in ("frames", "workers", "overwrite")}
-    found = measure(Scene.load(scene), out, progress=show, **kept | settings)
+    found = vtkmuscle.tradeoff(vtkmuscle.Scene.load(scene), out, progress=show, **kept | settings)
     whole, shown = found.table.where(muscle=ALL), (*found.settings, "verdict", "ms", *ERRORS)
     headings = (name.removesuffix("_rms_mm").replace("_", " ") for name in shown)
     table = Table(*headings, box=None, caption="ms a pose; errors: RMS in mm, of the worst muscle")
@@ -223,7 +193,7 @@ def tradeoff(
         best = found.cheapest(options.within)
         typer.echo(", ".join(f"{name} = {best[name]}" for name in found.settings), nl=False)
         typer.echo(f": {best['ms']:.3g} ms a pose, error {best['error_mm']:.2g} mm")
-    say(options.quiet, f"wrote {out / 'tradeoff.csv'}, {out / 'tradeoff.png'}")
+    shared.say(options.quiet, f"wrote {out / 'tradeoff.csv'}, {out / 'tradeoff.png'}")
 
 
 def _value(text: str) -> int | float | str:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import csv
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from importlib.resources import files
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+from vtkmuscle.data import package_text, toml_table
 
 #: Tables of anatomy.toml: words of names, and joints.
-ANATOMY: dict[str, Any] = tomllib.loads(
-    (files("vtkmuscle.data") / "anatomy.toml").read_text(encoding="utf-8")
-)
+ANATOMY = toml_table("vtkmuscle.data", "anatomy.toml")
 _SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
 
 
@@ -78,9 +76,9 @@ class Published(NamedTuple):
 
 @cache
 def _table() -> tuple[tuple[tuple[frozenset[str], ...], Published], ...]:
-    text = files("vtkmuscle.data").joinpath("published.csv").read_text(encoding="utf-8")
+    lines = package_text("vtkmuscle.data", "published.csv").splitlines()
     rows = []
-    for row in csv.DictReader(line for line in text.splitlines() if not line.startswith("#")):
+    for row in csv.DictReader(line for line in lines if not line.startswith("#")):
         span = float(row["from_deg"] or 0.0), float(row["to_deg"] or 0.0)
         ends = float(row["low"]), float(row["high"])
         keys = row["muscle"], row["quantity"], row["coordinate"]
@@ -129,10 +127,7 @@ def published(muscle: str, quantity: str = "", coordinate: str = "") -> Publishe
 
 
 def published_coordinate(name: str, positive: str = "") -> tuple[str, float]:
-    """Return the table's coordinate of a coordinate's name and direction, and the sign, 1 or -1.
-
-    ``("", 0.0)`` for an unknown coordinate.
-    """
+    """Return the table's coordinate of a coordinate's name and direction, and the sign, 1 or -1."""
     own, said = (set(re.findall("[a-z]+", text.casefold().replace("_", " "))) for text in (name, positive))
     for coordinate in dict.fromkeys(row.coordinate for _, row in _table() if row.coordinate):
         joint, direction = coordinate.split("_", 1)

@@ -155,10 +155,7 @@ class Polylines:
         return self.points[self.offsets[i] : self.offsets[i + 1]]
 
     def moved(self, points: Floats, offsets: Ints | None = None) -> vtkPolyData:
-        """Return lines with new points and the source's arrays.
-
-        Point data is kept if each line keeps its number of points.
-        """
+        """Return lines with new points and the source's arrays."""
         data: Any = self.data
         offsets = self.offsets if offsets is None else offsets
         result = polylines_from(Polylines(points, offsets))
@@ -178,11 +175,7 @@ class Polylines:
 
 
 def polylines_of(data: vtkPolyData, where: str) -> Polylines:
-    """Return a data set's polylines without shared points.
-
-    ValueError at `where` without lines, with other cells (cell arrays would not match the lines), or for a
-    coordinate that is not finite.
-    """
+    """Return a data set's polylines without shared points."""
     lines = data.GetLines()
     if lines.GetNumberOfCells() == 0:
         raise InputError(where, "there are no polylines")

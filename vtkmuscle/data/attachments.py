@@ -14,18 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.paths.via_rings import ViaRing, via_ring
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import (
-    Polylines,
-    add_arrays,
-    blocks_of,
-    checked_surface,
-    field_array,
-    field_string,
-    multiblock_from,
-    points_of,
-    polylines_from,
-    surface_from,
-)
+from vtkmuscle.data import arrays
 
 #: Roles of attachment areas at the ends of a muscle.
 ROLES = ("origin", "insertion")
@@ -63,6 +52,9 @@ class AttachmentArea:
     confidence: float | None = None
 
 
+Areas = list[AttachmentArea]
+
+
 def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
     """Return areas as a data set: rings are closed polylines, curves open."""
     blocks = {}
@@ -70,8 +62,8 @@ def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
         fields = {"Bone": area.bone, "Role": area.role, "Estimated": int(area.estimated)}
         confidence = {} if area.confidence is None else {"Confidence": area.confidence}
         block = _polyline(area.landmarks, closed=area.closed)
-        blocks[f"{area.role}_{i}"] = add_arrays(block, fields=fields | confidence)
-    return multiblock_from(blocks)
+        blocks[f"{area.role}_{i}"] = arrays.add_arrays(block, fields=fields | confidence)
+    return arrays.multiblock_from(blocks)
 
 
 def is_areas(value: object) -> TypeGuard[Sequence[AttachmentArea]]:
@@ -106,7 +98,7 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
     """
     areas = []
     for label, block in _blocks(data, where, "landmarks"):
-        role, bone = field_string(block, "Role"), field_string(block, "Bone")
+        role, bone = arrays.field_string(block, "Role"), arrays.field_string(block, "Bone")
         if role not in (*ROLES, VIA):
             problem = f"the field array 'Role' is {role!r}, but must be 'origin', 'insertion' or 'via'"
             raise InputError(label, problem)
@@ -119,7 +111,7 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
                 raise InputError(label, "a via ring must be closed", remedy)
             with errors_at(label):
                 via_ring(landmarks)
-        estimated, stated = field_array(block, "Estimated"), field_array(block, "Confidence")
+        estimated, stated = arrays.field_array(block, "Estimated"), arrays.field_array(block, "Confidence")
         is_estimated = estimated is not None and bool(estimated[0])
         confidence = None if stated is None else float(stated[0])
         areas.append(AttachmentArea(role, bone, landmarks, closed, is_estimated, confidence))
@@ -165,7 +157,7 @@ def landmarks_of(data: vtkPolyData, where: str) -> tuple[NDArray[np.float64], bo
 
     ValueError for a coordinate that is not finite, or several polylines.
     """
-    points = points_of(data)
+    points = arrays.points_of(data)
     if not np.isfinite(points).all():
         raise InputError(where, "some landmarks are not finite")
     lines = data.GetLines()
@@ -203,7 +195,7 @@ class Aponeurosis:
 def aponeurosis_from(data: vtkPolyData, side: str, where: str) -> Aponeurosis:
     """Return a data set's aponeurosis, a surface or a ring."""
     if data.GetNumberOfPolys():
-        return Aponeurosis(side, *checked_surface(data, where))
+        return Aponeurosis(side, *arrays.checked_surface(data, where))
     return ring_aponeurosis(landmarks_of(data, where)[0], side, where)
 
 
@@ -219,21 +211,17 @@ def aponeuroses_data(aponeuroses: Sequence[Aponeurosis]) -> vtkMultiBlockDataSet
     """Return aponeuroses as a data set for filters."""
     blocks = {}
     for number, sheet in enumerate(aponeuroses):
-        points, side = sheet.points, sheet.side
-        block = _polyline(points, closed=True) if sheet.is_ring else surface_from(points, sheet.triangles)
-        blocks[f"{side}_{number}"] = add_arrays(block, fields={"Side": side})
-    return multiblock_from(blocks)
+        side, ring = sheet.side, _polyline(sheet.points, closed=True)
+        block = ring if sheet.is_ring else arrays.surface_from(sheet.points, sheet.triangles)
+        blocks[f"{side}_{number}"] = arrays.add_arrays(block, fields={"Side": side})
+    return arrays.multiblock_from(blocks)
 
 
 def aponeuroses_of(data: vtkMultiBlockDataSet, where: str) -> list[Aponeurosis]:
-    """Return the aponeuroses of a data set, in block order.
-
-    Each block is a vtkPolyData with the field array ``Side`` (``"proximal"`` or ``"distal"``) and a polyline
-    through landmarks, points alone, or triangles. ValueError for other blocks.
-    """
+    """Return the aponeuroses of a data set, in block order."""
     aponeuroses = []
     for label, block in _blocks(data, where, "points"):
-        side = field_string(block, "Side")
+        side = arrays.field_string(block, "Side")
         if side not in SIDES:
             raise InputError(label, f"the field array 'Side' is {side!r}, but must be 'proximal' or 'distal'")
         aponeuroses.append(aponeurosis_from(block, side, label))
@@ -242,7 +230,7 @@ def aponeuroses_of(data: vtkMultiBlockDataSet, where: str) -> list[Aponeurosis]:
 
 def _blocks(data: vtkMultiBlockDataSet, where: str, content: str) -> Iterator[tuple[str, Any]]:
     """Yield each block with its name for errors; ValueError for empty blocks."""
-    for name, block in blocks_of(data):
+    for name, block in arrays.blocks_of(data):
         label = f"{where}, block {name!r}"
         if block is None or block.GetNumberOfPoints() == 0:
             raise InputError(label, f"there are no {content}")
@@ -252,4 +240,4 @@ def _blocks(data: vtkMultiBlockDataSet, where: str, content: str) -> Iterator[tu
 def _polyline(points: Floats, *, closed: bool) -> vtkPolyData:
     """Return an open or closed line through points (k, 3)."""
     points = np.vstack([points, points[:1]]) if closed else points
-    return polylines_from(Polylines(points, np.array([0, len(points)])))
+    return arrays.polylines_from(arrays.Polylines(points, np.array([0, len(points)])))

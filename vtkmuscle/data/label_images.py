@@ -1,19 +1,25 @@
-"""Label images as vtkImageData; labels as smooth signed distances."""
+"""Label images as vtkImageData; labels as smooth signed distances, and their surfaces as triangles."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.sparse import coo_array
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkImageData
+from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkQuadricDecimation
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.normals import vertex_normals
+from vtkmuscle.core.mesh.surface import edge_uses, point_components, survey, unique_edges
+from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Bools, Floats, Ints
-from vtkmuscle.data.arrays import add_arrays, field_array, field_strings
+from vtkmuscle.data.arrays import add_arrays, checked_surface, field_array, field_strings, surface_from
 
 #: Margin around a label [voxels], enough for the Gaussian and a Newton step.
 MARGIN = 4
@@ -54,10 +60,10 @@ class LabelField:
         away = (index - within) @ self.frame[:3, :3].T
         beyond = np.linalg.norm(away, axis=1)
         value = _interpolated(self.values, within) + beyond
-        differences = [
-            _interpolated(self.values, within + step) - _interpolated(self.values, within - step)
-            for step in 0.5 * np.eye(3)
-        ]
+        ends = (
+            [_interpolated(self.values, within + sign * step) for sign in (1, -1)] for step in 0.5 * np.eye(3)
+        )
+        differences = [ahead - behind for ahead, behind in ends]
         slope = np.column_stack(differences) @ np.linalg.inv(self.frame[:3, :3])
         outside = beyond > 0.0
         slope[outside] = away[outside] / beyond[outside, None]
@@ -104,7 +110,10 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
     placed = frame.copy()
     placed[:3, 3] += frame[:3, :3] @ [axis.start - MARGIN for axis in box[::-1]]
     spacing = np.linalg.norm(frame[:3, :3], axis=0)
-    boundary = _signed_distance(solid, spacing[::-1])
+    boundary = ndimage.distance_transform_edt(~solid, sampling=spacing[::-1]).astype(np.float32)
+    boundary -= ndimage.distance_transform_edt(solid, sampling=spacing[::-1]).astype(np.float32)
+    # Distances run between voxel centres, with the boundary halfway.
+    boundary = boundary - np.sign(boundary) * np.float32(0.5 * spacing.min())
     values = boundary
     if smoothing > 0.0:
         values = ndimage.gaussian_filter(boundary, smoothing, truncate=_TRUNCATED)
@@ -113,15 +122,6 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
     level = 0.5 * (lowest[inside - 1] + lowest[inside])
     volume, pieces = inside * float(abs(np.linalg.det(frame[:3, :3]))), np.sort(sizes)[::-1]
     return LabelField(values - np.float32(level), placed, boundary, volume, pieces, int(hollow.sum()), cut)
-
-
-def _signed_distance(solid: Bools, sampling: Floats) -> Floats:
-    """Return the signed distance to the boundary between voxels of size `sampling`."""
-    outward = ndimage.distance_transform_edt(~solid, sampling=sampling).astype(np.float32)
-    outward -= ndimage.distance_transform_edt(solid, sampling=sampling).astype(np.float32)
-    # Distances run between voxel centres, with the boundary halfway.
-    nearer: Floats = outward - np.sign(outward) * np.float32(0.5 * sampling.min())
-    return nearer
 
 
 #: Field arrays of an image: label values and names.
@@ -163,19 +163,13 @@ class Label:
         """Return the smooth signed distance, by :func:`label_field`."""
         placed = self.frame.copy()
         placed[:3, 3] += self.frame[:3, :3] @ [axis.start for axis in self.box[::-1]]
-        inner = tuple(
-            slice(int(axis.start == 0), axis.stop - axis.start - int(axis.stop == size))
-            for axis, size in zip(self.box, self.voxels.shape, strict=True)
-        )
+        ends = ((axis.start, axis.stop, size) for axis, size in zip(self.box, self.voxels.shape, strict=True))
+        inner = tuple(slice(int(a == 0), b - a - int(b == size)) for a, b, size in ends)
         return label_field(self.voxels[self.box] == self.value, placed, inner, smoothing=smoothing)
 
 
 def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
-    """Return an image's labels by name, ordered by value.
-
-    ValueError at `where` if the active or only point scalars are not whole numbers from 0 to 65535; if all
-    are 0; if two labels have the same name; if the image's frame is not finite, or flat.
-    """
+    """Return an image's labels by name, ordered by value."""
     data = image.GetPointData()
     array = data.GetScalars() or data.GetArray(0)
     voxels = None if array is None else vtk_to_numpy(array).view()
@@ -202,3 +196,115 @@ def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
         if box is not None:
             labels[name] = Label(value, voxels, box, frame)
     return labels
+
+
+#: Area of an equilateral triangle with unit edges.
+EVEN = math.sqrt(3.0) / 4.0
+#: Largest relative error of a surface's volume.
+MOST_OFF = 0.01
+#: Relaxations of triangles along a surface.
+RELAXATIONS = 8
+#: Newton steps along the normals to the label's volume: 2 suffice except for labels of a few voxels.
+OFFSETS = 4
+#: Least number of triangles of a label's surface: a sphere of 100 triangles has 95 % of the volume.
+LEAST = 100
+#: Longest label [mm], to detect wrong voxel sizes: the tallest person was 2720 mm.
+LONGEST = 3000.0
+
+
+def isosurface(values: Floats, origin: Floats, spacing: float) -> tuple[Floats, Ints]:
+    """Return the outward zero surface of grid values."""
+    image = vtkImageData()
+    image.SetDimensions(*values.shape)
+    image.SetOrigin(*origin)
+    image.SetSpacing(spacing, spacing, spacing)
+    # VTK's isosurface faces falling values: the changed sign makes the surface face outward.
+    add_arrays(image, points={"inside": -values.ravel(order="F")})
+    image.GetPointData().SetActiveScalars("inside")
+    contour = vtkFlyingEdges3D()
+    contour.SetInputData(image)
+    contour.SetValue(0, 0.0)
+    contour.ComputeNormalsOff()
+    contour.ComputeScalarsOff()
+    contour.Update()
+    return checked_surface(contour.GetOutput(), "isosurface")
+
+
+def evened(
+    points: Floats, triangles: Ints, n_triangles: int, projected: Callable[[Floats], Floats]
+) -> tuple[Floats, Ints]:
+    """Return a closed surface with about `n_triangles` even triangles."""
+    whole = points, triangles
+    while n_triangles < len(whole[1]):
+        # Otherwise flat parts collapse in arbitrary order and leave slivers.
+        points, triangles = decimated(*whole, n_triangles, regular=True)
+        # More triangles remain if decimation tears a thin part.
+        if (edge_uses(triangles) == 2).all():
+            break
+        points, triangles = whole
+        n_triangles *= 2
+    edges = unique_edges(triangles)
+    ends = np.vstack([edges, edges[:, ::-1]])
+    shares = 1.0 / np.bincount(ends[:, 0], minlength=len(points))[ends[:, 0]]
+    average = coo_array((shares, tuple(ends.T)), shape=(len(points),) * 2).tocsr()
+    for _ in range(RELAXATIONS):
+        shift = 0.7 * (average @ points - points)
+        normals = vertex_normals(points, triangles)
+        shift -= np.einsum("ij,ij->i", shift, normals)[:, None] * normals
+        points = projected(points + shift)
+    return projected(projected(points)), triangles
+
+
+def decimated(
+    points: Floats, triangles: Ints, n_triangles: int, *, regular: bool = False
+) -> tuple[Floats, Ints]:
+    """Return a surface with about `n_triangles` triangles.
+
+    Garland, Heckbert 1997, *Surface simplification using quadric error metrics*, doi:10.1145/258734.258849.
+    """
+    decimation = vtkQuadricDecimation()
+    decimation.SetRegularize(regular)
+    decimation.SetInputData(surface_from(points, triangles))
+    decimation.SetTargetReduction(1.0 - n_triangles / len(triangles))
+    decimation.Update()
+    return checked_surface(decimation.GetOutput(), "the decimated surface")
+
+
+def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
+    """Return points [mm] and triangles of a label's surface."""
+    # A cubic grid of half an edge, but not coarser than the depth of a thin label.
+    nodes = np.array(field.values.shape)
+    longest = float(((nodes - 1) * field.spacing[::-1]).max())
+    if longest > LONGEST:
+        raise InputError("", f"the label is {longest / 1000.0:.3g} m long", "check the voxel size")
+    pitch = max(min(0.5 * edge, -float(field.values.min())), float(field.spacing.min()))
+    counts = np.ceil((nodes - 1) * field.spacing[::-1] / pitch).astype(int) + 1
+    values = ndimage.zoom(field.values, counts / nodes, order=1)
+    points, triangles = isosurface(values.T, np.zeros(3), 1.0)
+    points *= ((nodes - 1) / (np.array(values.shape) - 1))[::-1]
+    points, triangles = _largest(apply_transform(field.frame, points), triangles)
+    if np.linalg.det(field.frame) < 0.0:
+        triangles = triangles[:, ::-1].copy()
+    area = survey(points, triangles).area
+    wanted = max(LEAST, math.ceil(area / (EVEN * edge * edge)))
+    points, triangles = evened(points, triangles, wanted, field.projected)
+    for _ in range(OFFSETS):
+        report = survey(points, triangles)
+        points = points + (field.volume - report.volume) / report.area * vertex_normals(points, triangles)
+    report = survey(points, triangles)
+    bad = report.n_boundary_edges + report.n_nonmanifold_edges + report.n_misoriented_edges
+    if bad or report.n_degenerate_triangles or report.n_components > 1:
+        problem = f"the surface is not closed and manifold at {bad} edges"
+    elif abs(report.volume - field.volume) > MOST_OFF * field.volume:
+        problem = f"the surface encloses {report.volume:.3g} mm^3, but the voxels {field.volume:.3g}"
+    else:
+        return points, triangles
+    raise InputError("", problem, "smooth or remove the label in the segmentation program")
+
+
+def _largest(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
+    """Return the connected part with most triangles, and its points."""
+    part = point_components(len(points), unique_edges(triangles))[triangles[:, 0]]
+    kept = triangles[part == np.argmax(np.bincount(part))]
+    used, ids = np.unique(kept, return_inverse=True)
+    return points[used], ids.reshape(-1, 3)

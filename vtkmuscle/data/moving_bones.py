@@ -27,10 +27,7 @@ _MADE_BY = "BoneMotion adds it"
 
 
 def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
-    """Return bones by name, in the order of ``FixedTo``.
-
-    ValueError for a block other than a vtkPolyData, for a repeated name, or for a point that is not finite.
-    """
+    """Return bones by name, in the order of ``FixedTo``."""
     bones = _named_bones(data, where)
     for name, bone in bones.items():
         if bone.GetPoints() is not None and not np.isfinite(vtk_to_numpy(bone.GetPoints().GetData())).all():
@@ -67,11 +64,7 @@ class MovingBones(NamedTuple):
 
 
 def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
-    """Return bones with their arrays ``Transform`` and ``Twist_COORDINATE``.
-
-    Points are not read. ValueError for a missing or non-rigid transform, or a twist other than six finite
-    numbers.
-    """
+    """Return bones with their arrays ``Transform`` and ``Twist_COORDINATE``."""
     bones = _named_bones(data, where)
     transforms = np.empty((len(bones), 4, 4))
     twists: dict[str, Floats] = {}
@@ -93,10 +86,7 @@ def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
 
 
 def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
-    """Return a muscle's point array ``FixedTo`` (n,): bone index, -1 for free.
-
-    ValueError for a missing array or other values.
-    """
+    """Return a muscle's point array ``FixedTo`` (n,): bone index, -1 for free."""
     array = muscle.array("FixedTo")
     where = f"{muscle.where}, point array 'FixedTo'"
     if array.ndim != 1 or not np.isfinite(array).all() or (array != np.floor(array)).any():

@@ -49,10 +49,7 @@ class PathLines(NamedTuple):
 
 
 def path_lines_of(data: vtkPolyData, where: str) -> PathLines | None:
-    """Return paths, None for an empty data set.
-
-    ValueError without the point array ``RestPosition``, or for paths with different numbers of points.
-    """
+    """Return paths, None for an empty data set."""
     if not data.GetNumberOfCells():
         return None
     rest = point_array(data, REST_POSITION, where)
@@ -109,7 +106,5 @@ def paths_of(fibres: vtkPolyData, where: str) -> Paths | None:
 def levers_over_time(frames: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:
     """Return levers (f, k) by coordinate, NaN if missing."""
     shapes = {name: levers.shape for frame in frames for name, levers in frame.items()}
-    return {
-        name: np.array([frame.get(name, np.full(shape, np.nan)) for frame in frames])
-        for name, shape in shapes.items()
-    }
+    missing = {name: np.full(shape, np.nan) for name, shape in shapes.items()}
+    return {name: np.array([frame.get(name, nan) for frame in frames]) for name, nan in missing.items()}

@@ -53,11 +53,7 @@ def request_time(info: Any, time: float | None) -> None:
 
 
 def vtk_collector() -> type[vtkGarbageCollector] | None:
-    """Return VTK's deferrable collector of reference cycles; None outside the main thread.
-
-    The collector scans the whole pipeline whenever Python releases an object, which takes half of the time
-    outside of kernels (``benchmarks/bench_step.py --stages``). One scan per update is enough.
-    """
+    """Return VTK's deferrable collector of reference cycles; None outside the main thread."""
     return vtkGarbageCollector if threading.current_thread() is threading.main_thread() else None
 
 
@@ -76,11 +72,7 @@ def input_at(algorithm: Any, port: int, time: float | None) -> Any:
 
 
 def state_of_inputs(algorithm: Any, ports: Iterable[int]) -> list[int]:
-    """Return numbers that change with anything upstream, except the requested time.
-
-    The numbers are the pipelines' modification times; a data set's own time changes with each request.
-    Producers are included because producers of a common source share its time.
-    """
+    """Return numbers that change with anything upstream, except the requested time."""
     state: list[int] = []
     for port in ports:
         connection = algorithm.GetInputConnection(port, 0)

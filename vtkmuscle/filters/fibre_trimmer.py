@@ -14,8 +14,7 @@ from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.data.end_surfaces import inner_areas
-from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface, inner_areas
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 #: Largest distance between a fibre's end and an area, or a fibre and the muscle, in mean edges: below it a
@@ -108,15 +107,8 @@ class FibreTrimmer(Filter):
         if self.end_rule == "closest":
             printed = ends_as_printed(points, offsets, axis=axis, origin=origin, insertion=insertion)
             return fibres.moved(*printed)
-        trimmed = trim_fibres(
-            points,
-            offsets,
-            axis=axis,
-            areas=(origin, insertion),
-            into_muscle=geometry.solids.into,
-            tolerance=TOLERANCE * geometry.mean_edge,
-            largest_cut=LARGEST_CUT,
-        )
+        limits = geometry.solids.into, TOLERANCE * geometry.mean_edge, LARGEST_CUT
+        trimmed = trim_fibres(points, offsets, axis=axis, areas=(origin, insertion), limits=limits)
         kept = (trimmed == points).all(axis=1)
         shares = np.array([kept[end].mean() for end in ends])
         return add_arrays(fibres.moved(trimmed), fields={"EndsKept": shares})

@@ -30,11 +30,7 @@ def csv_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
 def table_rows(
     path: Path, *, needed: Sequence[str] = (), most: int | None = None, remedy: str = ""
 ) -> list[tuple[int, dict[str, str]]]:
-    """Return line number and cells by column for each row.
-
-    An InputError tells of no rows, more than ``most`` rows, a missing, unnamed or repeated column, or a line
-    of another length. ``remedy`` describes the table.
-    """
+    """Return line number and cells by column for each row."""
     rows = list(islice(csv_rows(path), None if most is None else most + 2))
     header = rows[0][1] if rows else []
     twice = sorted({name for name in header if header.count(name) > 1})

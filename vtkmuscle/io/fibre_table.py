@@ -78,11 +78,8 @@ def muscle_summary(fibres: vtkPolyData) -> dict[str, Any]:
     >>> round(summary["MuscleVolume"]), round(summary["PCSA"])
     (96000, 800)
     """
-    arrays = {
-        name: np.asarray(values, dtype=np.float64)
-        for name in (*_WHOLE, "LineOfAction", "CentroidPath")
-        if (values := field_array(fibres, name)) is not None
-    }
+    named = {name: field_array(fibres, name) for name in (*_WHOLE, "LineOfAction", "CentroidPath")}
+    arrays = {name: np.asarray(values, np.float64) for name, values in named.items() if values is not None}
     summary: dict[str, Any] = {name: float(arrays[name][0]) for name in _WHOLE if name in arrays}
     if "LineOfAction" in arrays:
         summary["LineOfAction"] = arrays["LineOfAction"].ravel().tolist()

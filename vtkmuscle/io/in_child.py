@@ -142,10 +142,7 @@ _REMEDY = "export it again, and check that its suffix is that of its format"
 
 
 def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
-    """Read poly data by the module and class of a reader.
-
-    If VTK complains, crashes or takes too long, or the file is no poly data, an InputError is raised.
-    """
+    """Read poly data by the module and class of a reader."""
     kind, complaint, content = _child.ask(path, module, reader)
     if complaint:
         raise InputError(path, f"the file cannot be read as {path.suffix}: {complaint}", _REMEDY)

@@ -19,26 +19,11 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import quoted
 from vtkmuscle.data.attachments import Aponeurosis, aponeurosis_from, landmarks_of, ring_aponeurosis
 from vtkmuscle.io.csv_table import csv_rows, number_in
-from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, read_polydata
+from vtkmuscle.io.surfaces import FORMATS, SURFACE_SUFFIXES, read_polydata
 
 #: Frames of the body with z up: x left and y back, or x right and y front.
 FRAMES = ("LPS", "RAS")
-#: Names of frames in files; numbers in old files of Slicer.
-_FRAME_WORDS = {"LPS": "LPS", "1": "LPS", "RAS": "RAS", "0": "RAS"}
-#: Kinds of markups with ordered points, and whether the curve is closed.
-_KINDS = {"Fiducial": False, "Line": False, "Curve": False, "ClosedCurve": True}
 _FCSV_COLUMNS = ["id", "x", "y", "z", "ow", "ox", "oy", "oz", "vis", "sel", "lock", "label"]
-#: Allowed values of keys in .nrrd files, "" if missing, and their meaning.
-_NRRD = {
-    "type": {"float": "f4", "double": "f8", "int": "i4", "int32": "i4", "short": "i2", "int16": "i2"}
-    | {"signed char": "i1", "int8": "i1", "uchar": "u1", "unsigned char": "u1", "uint8": "u1"},
-    "encoding": {"raw": "raw", "gzip": "gzip", "gz": "gzip"}
-    | dict.fromkeys(("ascii", "text", "txt"), "text"),
-    "endian": {"": "<", "little": "<", "big": ">"},
-    "space": {"": "", "lps": "LPS", "left-posterior-superior": "LPS"}
-    | {"ras": "RAS", "right-anterior-superior": "RAS"},
-    **{key: {"": "", "0": ""} for key in ("datafile", "lineskip", "byteskip")},
-}
 _AS_SLICER = "save it again with 3D Slicer"
 _DECIMAL = "separate numbers by commas, and write decimals with a point"
 
@@ -205,10 +190,10 @@ def _from_markups(content: dict[str, Any], path: Path) -> NamedPoints:
     lists = content.get("markups")
     if not isinstance(lists, list) or len(lists) != 1 or not isinstance(lists[0], dict):
         raise InputError(path, "the file must have 1 list of markups", "save each list in a separate file")
-    kind = lists[0].get("type", "Fiducial")
-    if not isinstance(kind, str) or kind not in _KINDS:
+    kind, kinds = lists[0].get("type", "Fiducial"), FORMATS["markups"]
+    if not isinstance(kind, str) or kind not in kinds:
         problem = f"markups of type {quoted(kind)} are not supported"
-        raise InputError(path, problem, f"supported: {', '.join(_KINDS)}")
+        raise InputError(path, problem, f"supported: {', '.join(kinds)}")
     unit = lists[0].get("coordinateUnits", "mm")
     if unit not in ("mm", ["mm", "mm", "mm"]):
         raise InputError(path, f"coordinates are in {quoted(unit)}, but must be in mm", _AS_SLICER)
@@ -226,7 +211,7 @@ def _from_markups(content: dict[str, Any], path: Path) -> NamedPoints:
             raise InputError(path, problem, "place the point, or remove it")
         points.append(_position(keys.get("position"), where, path))
     frame = _frame(lists[0].get("coordinateSystem", "LPS"), path)
-    return NamedPoints(tuple(names), np.array(points), _KINDS[kind], frame)
+    return NamedPoints(tuple(names), np.array(points), kinds[kind], frame)
 
 
 def _from_fcsv(path: Path) -> NamedPoints:
@@ -267,11 +252,11 @@ def _from_nrrd(path: Path) -> NamedPoints:
     sizes = re.fullmatch(r"3\s+([1-9][0-9]{,6})", keys.get("sizes", ""))
     if not head.startswith(b"NRRD") or not bodies or sizes is None:
         raise InputError(path, "the file is not NRRD with the sizes 3 n", "export landmarks, not an image")
-    for name, words in _NRRD.items():
+    for name, words in FORMATS["nrrd"].items():
         if (value := keys.get(name, "")) not in words:
             remedy = "save numbers of type double after the header, raw or by gzip, in LPS or RAS"
             raise InputError(path, f"{name}: {quoted(value)} is not supported", remedy)
-    kind, encoding, order, frame, *_ = (words[keys.get(name, "")] for name, words in _NRRD.items())
+    kind, encoding, order, frame, *_ = (words[keys.get(name, "")] for name, words in FORMATS["nrrd"].items())
     number, count = np.dtype(order + kind), 3 * int(sizes[1])
     try:
         body = bodies[0]
@@ -289,7 +274,7 @@ def _from_nrrd(path: Path) -> NamedPoints:
 
 
 def _frame(word: Any, path: Path) -> str:
-    frame = _FRAME_WORDS.get(str(word).strip().upper())
+    frame: str | None = FORMATS["frames"].get(str(word).strip().upper())
     if frame is None:
         raise InputError(path, f"the frame {quoted(word)} is not supported", "save it in LPS or RAS")
     return frame

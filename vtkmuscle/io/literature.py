@@ -86,12 +86,11 @@ def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
 
 def write_literature(path: str | PathLike[str], curves: Sequence[LiteratureCurve]) -> None:
     """Write published moment arms as CSV for :func:`read_literature`."""
-    rows = (
-        (curve.source, curve.muscle, curve.dof, curve.part, *point)
-        for curve in curves
-        for point in zip(curve.angles.tolist(), curve.arms.tolist(), strict=True)
-    )
-    write_rows(Path(path), [("source", "muscle", "dof", "part", "angle_deg", "moment_arm_mm"), *rows])
+    rows: list[tuple[object, ...]] = [("source", "muscle", "dof", "part", "angle_deg", "moment_arm_mm")]
+    for curve in curves:
+        points = zip(curve.angles.tolist(), curve.arms.tolist(), strict=True)
+        rows += [(curve.source, curve.muscle, curve.dof, curve.part, *point) for point in points]
+    write_rows(Path(path), rows)
 
 
 def curves_for(
@@ -101,12 +100,9 @@ def curves_for(
 
     Names are as in the scene; a side, ``_r`` or ``_l``, is optional in the curve's names.
     """
-    return tuple(
-        curve
-        for curve in curves
-        if (not muscle or curve.muscle in (muscle, side_apart(muscle)))
-        and (not coordinate or curve.dof in (coordinate, side_apart(coordinate)))
-    )
+    muscles, axes = (("", name, side_apart(name)) for name in (muscle, coordinate))
+    own = [curve for curve in curves if not muscle or curve.muscle in muscles]
+    return tuple(curve for curve in own if not coordinate or curve.dof in axes)
 
 
 @dataclass(frozen=True, eq=False)

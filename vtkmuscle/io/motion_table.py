@@ -101,12 +101,13 @@ def read_motion_table(
         elif not np.array_equal(times, moments):
             problem = f"the times of the bones {next(iter(by_bone))!r} and {name!r} differ"
             raise InputError(path, problem, "give each bone a row per time")
-    changing = {
-        name: coordinate
-        for name, kind in kinds.items()
-        if coordinates is not None or not _counts_rows(values[name])
-        if (coordinate := Coordinate(np.array(values[name]), kind["unit"], kind["positive"])).changes
-    }
+    changing: dict[str, Coordinate] = {}
+    for name, kind in kinds.items():
+        column = Coordinate(np.array(values[name]), kind["unit"], kind["positive"])
+        first = column.values[0]
+        counts_rows = first in (0.0, 1.0) and np.array_equal(column.values, first + np.arange(len(times)))
+        if column.changes and not (coordinates is None and counts_rows):
+            changing[name] = column
     position = None if centre is None else np.asarray(centre, dtype=np.float64)
     return RigidMotion(times, transforms, position, changing)
 
@@ -174,10 +175,6 @@ def _kinds(
         coordinates = [] if time is None or time.casefold() in _TIMES + _COUNTS else [time]
     details = coordinates if isinstance(coordinates, Mapping) else {}
     return {name: {"unit": "deg", "positive": "", **details.get(name, {})} for name in coordinates}
-
-
-def _counts_rows(values: Sequence[float]) -> bool:
-    return any(np.array_equal(values, np.arange(first, first + len(values))) for first in (0, 1))
 
 
 def _further(header: Sequence[str]) -> str:

@@ -111,9 +111,8 @@ def _pose(element: Element, kind: str) -> Floats:
     singular = not large and abs(np.linalg.det(pose[:3, :3])) < 1e-12
     if (pose[3] != (0.0, 0.0, 0.0, 1.0)).any() or large or (singular and kind != "Landmark"):
         problem = "is no pose: the last row must be 0 0 0 1, the axes independent and no longer than "
-        raise element.error(
-            f"{problem}{_LARGEST:g}, and the position no farther than {_FARTHEST:g}", "correct it"
-        )
+        problem += f"{_LARGEST:g}, and the position no farther than {_FARTHEST:g}"
+        raise element.error(problem, "correct it")
     return pose
 
 

@@ -13,27 +13,18 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle.core.errors import InputError, check_is_file
+from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import joined_triangles, points_of, with_points
 from vtkmuscle.io.in_child import read_in_child, vtk_messages
 
-#: Modules and classes of VTK's readers.
-_READERS = {
-    ".vtp": ("vtkmodules.vtkIOXML", "vtkXMLPolyDataReader"),
-    ".vtk": ("vtkmodules.vtkIOLegacy", "vtkGenericDataObjectReader"),
-    ".stl": ("vtkmodules.vtkIOGeometry", "vtkSTLReader"),
-    ".obj": ("vtkmodules.vtkIOGeometry", "vtkOBJReader"),
-    ".ply": ("vtkmodules.vtkIOPLY", "vtkPLYReader"),
-    ".vtu": ("vtkmodules.vtkIOXML", "vtkXMLUnstructuredGridReader"),
-    ".off": ("vtkmodules.vtkIOGeometry", "vtkOFFReader"),
-    ".glb": ("vtkmodules.vtkIOGeometry", "vtkGLTFReader"),
-    ".gltf": ("vtkmodules.vtkIOGeometry", "vtkGLTFReader"),
-}
+#: Readers of surfaces, and words in landmark files.
+FORMATS = toml_table("vtkmuscle.io", "formats.toml")
 
 #: Remedy for a damaged file.
 _DAMAGED = "the file is damaged, export it again"
 
 #: Suffixes of files for :func:`read_surface`.
-SURFACE_SUFFIXES = tuple(_READERS)
+SURFACE_SUFFIXES = tuple(FORMATS["readers"])
 
 
 def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
@@ -63,7 +54,7 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
         remedy = "convert the file, e.g. with ParaView or pyvista.read(...).save(...)"
         raise InputError(path, problem, remedy)
     check_is_file(path)
-    data = read_in_child(path, *_READERS[suffix])
+    data = read_in_child(path, *FORMATS["readers"][suffix])
     if data.GetNumberOfPoints() == 0:
         raise InputError(path, "the file holds no points", "export it again")
     _check_cells(data, path)
@@ -78,10 +69,7 @@ def read_own_polydata(path: Path) -> vtkPolyData:
 
     Reading in this process takes a tenth of the time of :func:`read_polydata`.
     """
-    reader = vtkXMLPolyDataReader()
-    reader.SetFileName(str(path))
-    reader.Update()
-    data: vtkPolyData = reader.GetOutput()
+    data: vtkPolyData = vtkXMLPolyDataReader(file_name=str(path)).update().output
     return data
 
 
@@ -106,17 +94,10 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
     FileNotFoundError, ValueError
         If the file does not exist, cannot be read, or has no polygons.
     """
-    surface, changes = triangles_in(Path(path))
-    if changes:
-        warnings.warn(f"{path}: {'; '.join(changes)}", stacklevel=2)
-    return surface
-
-
-def triangles_in(path: Path) -> tuple[vtkPolyData, list[str]]:
-    """Return the surface in a file, see :func:`read_surface`, and its changes in words."""
     data = read_polydata(path)
     if data.GetNumberOfPolys() + data.GetNumberOfStrips() == 0:
-        raise InputError(path, "the file holds no triangles", "export the muscle or bone as a surface mesh")
+        remedy = "export the muscle or bone as a surface mesh"
+        raise InputError(str(path), "the file holds no triangles", remedy)
     if data.GetNumberOfVerts() + data.GetNumberOfLines():
         surface = vtkPolyData()
         surface.SetPoints(data.GetPoints())
@@ -126,7 +107,10 @@ def triangles_in(path: Path) -> tuple[vtkPolyData, list[str]]:
         surface.GetFieldData().ShallowCopy(data.GetFieldData())
         data = surface
     with vtk_messages():
-        return joined_triangles(data)
+        result, changes = joined_triangles(data)
+    if changes:
+        warnings.warn(f"{path}: {'; '.join(changes)}", stacklevel=2)
+    return result
 
 
 def stated_frame(path: Path) -> str | None:

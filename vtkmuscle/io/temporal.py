@@ -44,8 +44,7 @@ class Series:
     """Poly data over time: ``NAME.pvd`` and ``NAME/NAME_0000.vtp``."""
 
     def __init__(self, folder: Path, name: str) -> None:
-        self.name = name
-        self.frames = folder / name
+        self.name, self.frames = name, folder / name
         self.collection = Collection(folder / f"{name}.pvd")
 
     def add(self, frame: int, time: float, data: vtkPolyData) -> Path:

@@ -52,13 +52,9 @@ def replacing(path: Path) -> Iterator[Path]:
             partial.replace(path)
     except BaseException as error:
         partial.unlink(missing_ok=True)
-        if (
-            not isinstance(error, OSError)
-            or error.errno is None
-            or error.filename not in (None, str(partial))
-        ):
-            raise
-        raise OSError(error.errno, error.strerror, str(path)) from error
+        if isinstance(error, OSError) and error.errno and error.filename in (None, str(partial)):
+            raise OSError(error.errno, error.strerror, str(path)) from error
+        raise
 
 
 #: Record of a folder: the digests of files that commands have written there.
@@ -72,17 +68,7 @@ class Outputs:
     Inputs are never replaced, and nothing is written through links. Files are replaced if their content is
     that of an earlier command, by the folder's record; other files, or edited files, are refused unless
     ``overwrite``. As a context manager, all files written inside appear at the end, and after a failure none.
-
-    Parameters
-    ----------
-    folder : Path
-        All files are in or below this folder.
-    inputs : mapping of str to Path, or iterable of Path
-        Files of the command, by key.
-    overwrite : bool, optional
-        Whether other files are replaced.
-    ours : iterable of Path, optional
-        Files that a run has written.
+    ``inputs`` may be by key; ``ours`` are files that a run has written.
     """
 
     def __init__(
@@ -95,10 +81,7 @@ class Outputs:
     ) -> None:
         self.folder = Path(os.path.abspath(folder))
         keyed = inputs.items() if isinstance(inputs, Mapping) else (("", path) for path in inputs)
-        self._inputs = [
-            (key, file, {each for real in _reals(file) for each in (real, *real.parents)})
-            for key, file in keyed
-        ]
+        self._inputs = [(key, file, _reals(file)) for key, file in keyed]
         self._overwrite, self._ours = overwrite, {Path(os.path.abspath(path)) for path in ours}
         self._staged: dict[Path, Path] = {}
         self._stage = partial_path(self.folder / "outputs")
@@ -165,11 +148,9 @@ class Outputs:
             if path.is_file() and self._is_recorded(path):  # a kill leaves some old files
                 old = [file_digest(path)]
             record[name] = [file_digest(partial), *old]
-        there = {
-            name for name in record if self.folder / name in self._staged or (self.folder / name).exists()
-        }
-        record = {name: record[name] for name in sorted(there)}
-        write_text(self.folder / RECORD, json.dumps(record, indent=1) + "\n")
+        paths = {name: self.folder / name for name in sorted(record)}
+        there = [name for name, path in paths.items() if path in self._staged or path.exists()]
+        write_json(self.folder / RECORD, {name: record[name] for name in there}, indent=1)
         for path, partial in self._staged.items():
             path.parent.mkdir(parents=True, exist_ok=True)
             partial.replace(path)
@@ -188,9 +169,10 @@ class Outputs:
         return bool(digests) and file_digest(path) in digests
 
 
-def _reals(file: Path) -> tuple[Path, Path]:
-    """Return a file, and the link to it if any, without links on the way."""
-    return file.resolve(), file.parent.resolve() / file.name
+def _reals(file: Path) -> set[Path]:
+    """Return a file, the link to it if any, and their folders, without links on the way."""
+    both = file.resolve(), file.parent.resolve() / file.name
+    return {each for real in both for each in (real, *real.parents)}
 
 
 def remove_left_behind(folder: Path, *, deep: bool = False) -> None:
@@ -200,10 +182,7 @@ def remove_left_behind(folder: Path, *, deep: bool = False) -> None:
 
 
 def left_behind(folder: Path, *, deep: bool = False) -> list[Path]:
-    """Return the incomplete files of killed processes in a folder.
-
-    With ``deep``, subfolders are searched as well; links are not followed.
-    """
+    """Return the incomplete files of killed processes in a folder."""
     left = []
     for parent, folders, files in os.walk(folder):
         for name in (*folders, *files):
@@ -238,6 +217,11 @@ def write_text(path: Path, text: str) -> None:
         partial.write_text(text, encoding="utf-8", newline="\n")
 
 
+def write_json(path: Path, value: Any, **options: Any) -> None:
+    """Write a JSON file, all or nothing; numbers and arrays of NumPy are written as Python's."""
+    write_text(path, json.dumps(value, default=plain, **options) + "\n")
+
+
 def write_polydata(path: Path, data: vtkPolyData) -> None:
     """Write a .vtp file, all or nothing: binary, with exact doubles; OSError if VTK cannot.
 
@@ -250,10 +234,8 @@ def write_polydata(path: Path, data: vtkPolyData) -> None:
         cells.DeepCopy(getattr(data, f"Get{kind}")())
         if cells.ConvertTo32BitStorage():
             getattr(narrow, f"Set{kind}")(cells)
-    writer = vtkXMLPolyDataWriter()
-    writer.SetInputData(narrow)
+    writer = vtkXMLPolyDataWriter(input_data=narrow, encode_appended_data=False)
     writer.SetDataModeToAppended()
-    writer.EncodeAppendedDataOff()
     writer.SetHeaderTypeToUInt64()
     writer.SetCompressorTypeToNone()
     write_with(writer, path)
@@ -275,10 +257,7 @@ _PATIENCE = 10.0
 
 @contextmanager
 def locked(folder: Path, *, patience: float = 0.0) -> Iterator[None]:
-    """Hold the lock of a folder; the system releases the lock of a killed process.
-
-    A concurrent holder is waited for up to ``patience`` [s].
-    """
+    """Hold the lock of a folder; the system releases the lock of a killed process."""
     path, until = folder / LOCK, time.monotonic() + patience
     if os.name != "posix":
         yield

@@ -146,10 +146,7 @@ def decoded(path: Path) -> str:
 
 
 def read_xml(path: Path) -> Element:
-    """Return the outermost element of an XML file.
-
-    Document types, and thereby entities, are refused. An InputError names the line of a fault.
-    """
+    """Return the outermost element of an XML file."""
     text = decoded(path)
     parser = expat.ParserCreate("utf-8")
     parser.buffer_text = True

@@ -15,7 +15,6 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError, check_is_file, fault_of
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import survey
-from vtkmuscle.core.types import Floats
 from vtkmuscle.data.anatomy import plain_name, side_of
 from vtkmuscle.data.arrays import checked_surface, points_of, with_points
 from vtkmuscle.data.attachments import ROLES, VIA, AttachmentArea
@@ -24,16 +23,8 @@ from vtkmuscle.io import read_landmarks, read_surface
 from vtkmuscle.io.csv_table import write_rows
 from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, stated_frame
 from vtkmuscle.io.writing import write_polydata, write_text
-from vtkmuscle.labels.guesses import (
-    FACING,
-    LEFT_OUT,
-    Guess,
-    bodies_of,
-    guessed_joints,
-    moving_chain,
-    table_of,
-)
-from vtkmuscle.labels.names import kind_of
+from vtkmuscle.labels import guesses as guessing
+from vtkmuscle.labels.reading import kind_of
 from vtkmuscle.scene.checks import closed_surface
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.writing import inline_toml, write_areas
@@ -71,7 +62,7 @@ class Draft:
     surfaces: dict[str, str] = field(default_factory=dict)
     within: float = NEAR
     scale: float = 1.0
-    guesses: list[Guess] = field(default_factory=list)
+    guesses: list[guessing.Guess] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
     loose: dict[str, vtkPolyData] = field(default_factory=dict)
     joints: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -80,12 +71,9 @@ class Draft:
     file: Path = Path("scene.toml")
 
     def complete(self) -> None:
-        """Guess joints and missing areas; leave out muscles without areas.
-
-        Without joints, or without muscles, ``lacks`` has the reasons.
-        """
-        facing = FACING * self.scale
-        self.joints, self.sweep, guesses = guessed_joints(self.bones, frame=self.frame, facing=facing)
+        """Guess joints and missing areas; leave out muscles without areas."""
+        depth = guessing.FACING * self.scale
+        self.joints, self.sweep, guesses = guessing.guessed_joints(self.bones, self.frame, depth)
         self.guesses += guesses
         if not self.sweep:
             named = f"the bones are {', '.join(self.bones) or 'none'}"
@@ -107,7 +95,7 @@ class Draft:
         self.left_out[muscle] = why
         if muscle in self.muscles:
             self.loose[muscle] = self.muscles.pop(muscle)
-        self.guesses.append(Guess(f"muscles.{muscle}", LEFT_OUT, 0.0, why))
+        self.guesses.append(guessing.Guess(f"muscles.{muscle}", guessing.LEFT_OUT, 0.0, why))
 
     def candidate_bones(self, muscle: str) -> dict[str, vtkPolyData]:
         """Return the bones on a muscle's side of the body."""
@@ -122,10 +110,10 @@ class Draft:
         if not missing:
             return
         bones = self.candidate_bones(muscle)
-        bodies = bodies_of(bones, self.joints)
+        bodies = guessing.bodies_of(bones, self.joints)
         groups = [[bone for bone in bones if bodies[bone] == body] for body in dict.fromkeys(bodies.values())]
         areas = estimated_areas(self.muscles[muscle], bones, within=self.within, bodies=groups, **named)
-        depth = {area.role: len(moving_chain(area.bone, self.joints)) for area in areas}
+        depth = {area.role: len(guessing.moving_chain(area.bone, self.joints)) for area in areas}
         if not named and depth["origin"] > depth["insertion"]:
             areas = [replace(area, role=ROLES[area.role == ROLES[0]]) for area in areas]
         used = [*digitised, *(area for area in areas if area.role in missing)]
@@ -137,14 +125,12 @@ class Draft:
             on = ", ".join(dict.fromkeys(area.bone for area in ends))
             confidence = min(area.confidence or 0.0 for area in ends)
             why = f"{role} on {on}, in contact with the muscle's end"
-            self.guesses.append(Guess(f"muscles.{muscle}.attachments", f"{role}: {on}", confidence, why))
+            key = f"muscles.{muscle}.attachments"
+            self.guesses.append(guessing.Guess(key, f"{role}: {on}", confidence, why))
         self.areas[muscle] = used
 
     def write(self, out: Path) -> Path:
-        """Write the scene with all its files to a folder; return the scene.toml.
-
-        A scene without joints has no motion. ``volumes.csv`` lists all surfaces.
-        """
+        """Write the scene with all its files to a folder; return the scene.toml."""
         scale = 1.0 / MILLIMETRES[self.units]
 
         def written(file: str, surface: vtkPolyData) -> str:
@@ -183,7 +169,7 @@ class Draft:
         for name, muscle in self.loose.items():
             written(f"muscles/{name}.vtp", muscle)
         text += ["\n", *(f"# {what}: {note[2:]}" for what, lines in notes.items() for note in lines)]
-        write_rows(out / "guesses.csv", table_of(self.guesses))
+        write_rows(out / "guesses.csv", guessing.table_of(self.guesses))
         write_rows(out / "volumes.csv", [VOLUMES, *self._volumes()])
         write_text(out / "scene.toml", "".join(text))
         return out / "scene.toml"
@@ -197,9 +183,7 @@ class Draft:
 
 def _sweep(limits: Mapping[str, float]) -> str:
     """Return a motion from rest to the largest angles [degrees]."""
-    part = np.linspace(0.0, 1.0, 13)
-    longest = max(limits.values())
-    columns = [longest * part, *(angle * part for angle in limits.values())]
+    columns = [angle * np.linspace(0.0, 1.0, 13) for angle in (max(limits.values()), *limits.values())]
     rows = ["\t".join(f"{value:g}" for value in row) for row in np.transpose(columns)]
     head = ["sweep", "inDegrees=yes", f"nRows={len(rows)}", f"nColumns={len(columns)}", "endheader"]
     return "\n".join([*head, "\t".join(["time", *limits]), *rows]) + "\n"
@@ -231,24 +215,9 @@ def draft_of_files(
     muscles: Sequence[str] = (),
     frame: str = "LPS",
 ) -> Draft:
-    """Return an incomplete scene of meshes and landmarks.
+    """Return an incomplete scene of meshes and landmarks, as of :func:`~vtkmuscle.labels.init`.
 
-    Parameters
-    ----------
-    files : sequence of Path
-        Surfaces, recognised by name, and landmarks called MUSCLE_origin, MUSCLE_insertion or MUSCLE_via,
-        optionally with _SUFFIX for several.
-    out : Path
-        Folder of the scene.
-    bones, muscles : sequence of str
-        File names, without endings, of bones and muscles with unrecognised names.
-    frame : str, optional
-        ``"LPS"`` or ``"RAS"``.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If a file cannot be read, or its name is not recognised.
+    FileNotFoundError or ValueError if a file cannot be read, or its name is not recognised.
     """
     draft = Draft(out.resolve().name or "scene", frame=frame)
     landmarks, meshes = [], {}
@@ -270,14 +239,14 @@ def draft_of_files(
             raise InputError(file, problem, f"use --frame {header}")
         meshes[name] = kind, read_surface(file)
         confidence, why = 1.0 if name in stated else 0.8, f"a {kind} by its name, {file.name}"
-        draft.guesses.append(Guess(f"{kind}s.{name}", kind, confidence, why))
+        draft.guesses.append(guessing.Guess(f"{kind}s.{name}", kind, confidence, why))
         draft.surfaces[f"{kind}s/{name}.vtp"] = Path(relpath(file, out)).as_posix()
     if not meshes:
         raise InputError("", "there is no surface of a bone or a muscle", "give mesh files")
     longest = float(max(np.ptp(points_of(mesh), axis=0).max() for _, mesh in meshes.values()))
     draft.units, confidence = likely_unit(longest)
     why = f"the longest side of all surfaces is {longest:.4g}"
-    draft.guesses.append(Guess("units", draft.units, confidence, why))
+    draft.guesses.append(guessing.Guess("units", draft.units, confidence, why))
     scale = MILLIMETRES[draft.units]
     for name, (kind, mesh) in meshes.items():
         getattr(draft, f"{kind}s")[name] = with_points(mesh, scale * points_of(mesh))
@@ -289,7 +258,7 @@ def draft_of_files(
             continue
         if turned:
             why = "the surface is inside out; a run turns its triangles"
-            draft.guesses.append(Guess(f"muscles.{name}.surface", "turned", 0.9, why))
+            draft.guesses.append(guessing.Guess(f"muscles.{name}.surface", "turned", 0.9, why))
     draft.scale = scale_of([*draft.bones.values(), *draft.muscles.values()])
     draft.within *= draft.scale
     add_landmarks(draft, landmarks, scale=scale)
@@ -308,11 +277,7 @@ def _roles_name(file: Path) -> str:
 
 
 def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) -> None:
-    """Add landmarks to a draft by file names: muscle, role, and possibly the bone after the role.
-
-    By default the closest bone is taken. Landmarks that end near their start are a ring. ``scale`` converts
-    to mm.
-    """
+    """Add landmarks to a draft by file names: muscle, role, and possibly the bone after the role."""
     for file in files:
         match = _AREA.match(_roles_name(file))
         muscle = plain_name(match[1]) if match else ""
@@ -329,23 +294,20 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
         points = scale * points
         sure = None
         named = [bone for bone in draft.bones if match[3] and bone in plain_name(match[3])]
-        gaps = _gaps(points, draft.candidate_bones(muscle))
+        bones = draft.candidate_bones(muscle).items()
+        away = {name: solids_of(*checked_surface(bone, name)).distances(points) for name, bone in bones}
+        gaps = {name: float(np.abs(distances).mean()) for name, distances in away.items()}
         bone, *further = named or sorted(gaps, key=gaps.__getitem__)
         if not named:
             sure = 1.0 - min(1.0, gaps[bone] / gaps[further[0]]) if further else 1.0
             why = f"{role} on {bone!r}, {gaps[bone]:.1f} mm from the landmarks in {file.name}"
-            draft.guesses.append(Guess(key, f"{role}: {bone}", sure, why))
+            draft.guesses.append(guessing.Guess(key, f"{role}: {bone}", sure, why))
         if not closed and len(points) > 3:
             steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
             gap = float(np.linalg.norm(points[-1] - points[0]) / max(float(np.median(steps)), 1e-9))
             closed = gap <= RING_GAP or role == VIA
             why = f"{role}: the last landmark is {gap:.1f} median steps from the first"
             confidence = min(1.0, abs(gap - RING_GAP))
-            draft.guesses.append(Guess(key, "a ring" if closed else "an open curve", confidence, why))
+            shape = "a ring" if closed else "an open curve"
+            draft.guesses.append(guessing.Guess(key, shape, confidence, why))
         draft.areas.setdefault(muscle, []).append(AttachmentArea(role, bone, points, closed, False, sure))
-
-
-def _gaps(points: Floats, bones: Mapping[str, vtkPolyData]) -> dict[str, float]:
-    """Return the mean distance of points from each bone [mm]."""
-    solids = {name: solids_of(*checked_surface(bone, name)) for name, bone in bones.items()}
-    return {name: float(np.abs(solid.distances(points)).mean()) for name, solid in solids.items()}

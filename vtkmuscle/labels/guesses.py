@@ -158,13 +158,9 @@ FACING = 10.0
 
 
 def guessed_joints(
-    bones: Mapping[str, vtkPolyData], *, frame: str = "LPS", facing: float = FACING
+    bones: Mapping[str, vtkPolyData], frame: str = "LPS", facing: float = FACING
 ) -> tuple[dict[str, dict[str, Any]], dict[str, float], list[Guess]]:
-    """Return tables of joints by name, the largest angles [degrees] by coordinate, and guesses.
-
-    Bones are by name, in a standing pose [mm]; ``frame`` is ``"LPS"`` or ``"RAS"``; ``facing`` is the depth
-    of a joint's surface [mm]. A joint without a fit is a guess.
-    """
+    """Return tables of joints by name, the largest angles [degrees] by coordinate, and guesses."""
     joints: dict[str, dict[str, Any]] = {}
     sweep: dict[str, float] = {}
     guesses: list[Guess] = []

@@ -1,4 +1,4 @@
-"""Segmentation files: NIfTI, NRRD, MetaImage and DICOM, with label names."""
+"""Segmentation files: NIfTI, NRRD, MetaImage and DICOM; label names, and kinds of structures by name."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -18,9 +19,12 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 
 from vtkmuscle.core.errors import InputError, MissingFileError, check_is_file
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.label_images import label_image
+from vtkmuscle.core.words import quoted, suggestion
+from vtkmuscle.data import package_text
+from vtkmuscle.data.anatomy import ANATOMY, plain_name
+from vtkmuscle.data.label_images import MOST, label_image
+from vtkmuscle.io.csv_table import csv_rows
 from vtkmuscle.io.landmarks import FRAMES
-from vtkmuscle.labels.names import label_number, name_table
 
 #: Endings of supported files.
 SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
@@ -39,30 +43,14 @@ _NIFTI_LABEL = re.compile(rb'<Label\s[^>]*?Key="(\d+)"[^>]*>\s*(?:<!\[CDATA\[)?(
 def read_labels(
     path: str | PathLike[str], *, names: str | None = None, frame: str = "LPS"
 ) -> list[vtkImageData]:
-    """Read a segmentation.
+    """Read a segmentation as images for LabelSurfaces [mm]; several images for overlapping labels.
 
-    Parameters
-    ----------
-    path : path
-        A .nii, .nii.gz, .nrrd, .nhdr, .mha or .mhd file of labels; a .seg.nrrd file of 3D Slicer; a DICOM
-        Segmentation (.dcm); or a folder of such files, each for the structure in the file's name.
-    names : str, optional
-        Label names: ``"musclemap"``, a task of TotalSegmentator such as ``"total"``, or a .csv file with
-        lines of label, name. By default the names in the file, as written by TotalSegmentator, 3D Slicer
-        and DICOM.
-    frame : str, optional
-        ``"LPS"`` or ``"RAS"``: the frame of the images' world.
-
-    Returns
-    -------
-    list of vtkImageData
-        Input of :class:`~vtkmuscle.filters.LabelSurfaces`, in mm; several images for overlapping labels.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If the file does not exist, cannot be read or has no labels; without SimpleITK, or for DICOM
-        without highdicom.
+    ``path`` is a .nii, .nii.gz, .nrrd, .nhdr, .mha or .mhd file of labels; a .seg.nrrd file of 3D Slicer; a
+    DICOM Segmentation (.dcm); or a folder of such files, each for the structure in the file's name. ``names``
+    is ``"musclemap"``, a task of TotalSegmentator such as ``"total"``, or a .csv file with lines of label,
+    name; by default the names in the file. ``frame``, ``"LPS"`` or ``"RAS"``, is of the images' world.
+    FileNotFoundError or ValueError for an unreadable file or no labels; without SimpleITK, or for DICOM
+    without highdicom.
     """
     source = Path(path)
     if frame not in FRAMES:
@@ -169,10 +157,9 @@ def _names(file: Path, image: Any) -> dict[int, dict[int, str]]:
             offset = int(float(image.GetMetaData("vox_offset")))
             header = stream.read(min(max(_NIFTI_HEADER, offset), MOST_HEADER))
         labels = _NIFTI_LABEL.findall(header[_NIFTI_HEADER:])
-        names[0] = {
-            label_number(key.decode(), file, "Label Key"): name.decode("utf-8", "replace").strip()
-            for key, name in labels
-        }
+        numbers = [label_number(key.decode(), file, "Label Key") for key, _ in labels]
+        texts = [name.decode("utf-8", "replace").strip() for _, name in labels]
+        names[0] = dict(zip(numbers, texts, strict=True))
     for key in image.GetMetaDataKeys():
         segment = re.fullmatch(r"(Segment\d+)_LabelValue", key)
         if segment and image.HasMetaDataKey(f"{segment[1]}_Name"):
@@ -204,3 +191,53 @@ def _needed(package: str, file: Path) -> Any:
     except ImportError as error:
         remedy = "install the readers, in the folder of vtkmuscle: python -m pip install '.[labels]'"
         raise InputError(file, f"label maps need {package}, which is not installed", remedy) from error
+
+
+_WORDS = (ANATOMY["bone_words"], ANATOMY["other_words"])
+_BONES, _NEITHER = (re.compile(rf"(?:^|_)(?:{'|'.join(words)})(?:_|$)") for words in _WORDS)
+_MUSCLES = re.compile(rf"(?:^|_)(?:{'|'.join(ANATOMY['muscle_starts'])})")
+
+
+def kind_of(name: str) -> str | None:
+    """Return ``"bone"``, ``"muscle"``, or None for other names."""
+    plain = plain_name(name)
+    if _NEITHER.search(plain):
+        return None
+    if _MUSCLES.search(plain):
+        return "muscle"
+    return "bone" if _BONES.search(plain) else None
+
+
+@cache
+def _tables() -> dict[str, dict[int, str]]:
+    tables: dict[str, dict[int, str]] = {}
+    for line in package_text("vtkmuscle.labels", "names.csv").splitlines()[3:]:
+        table, label, name = line.split(",")
+        tables.setdefault(table, {})[int(label)] = name
+    return tables
+
+
+def label_number(text: str, path: Path, where: str) -> int:
+    """Return the whole number in a text, from 0 to the largest label."""
+    if not re.fullmatch(r"\s*[0-9]{1,9}\s*", text, re.ASCII) or int(text) > MOST:
+        problem = f"{where} is {quoted(text.strip())}, but must be a whole number from 0 to {MOST}"
+        raise InputError(path, problem, "correct it")
+    return int(text)
+
+
+def name_table(source: str) -> dict[int, str]:
+    """Return names by label from a built-in or .csv table with lines of label, name."""
+    if source in _tables():
+        return _tables()[source]
+    path = Path(source)
+    if path.suffix.lower() != ".csv":
+        raise InputError(source, "unknown table of names", suggestion(source, [*_tables(), "FILE.csv"]))
+    names: dict[int, str] = {}
+    for number, cells in csv_rows(path):
+        if len(cells) > 1 and (cells[0].isdecimal() or names):
+            names[label_number(cells[0], path, f"line {number}: the label")] = cells[1]
+        elif names:
+            raise InputError(path, f"line {number} is not a label and a name", "write 5, femur_left")
+    if not names:
+        raise InputError(path, "the file has no line of a label and a name", "write 5, femur_left")
+    return names

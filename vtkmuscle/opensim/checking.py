@@ -21,7 +21,7 @@ from vtkmuscle.joints.tree import JointCoordinate
 from vtkmuscle.opensim.model import OsimModel, read_osim
 from vtkmuscle.opensim.muscle_paths import STEP, PointPath
 from vtkmuscle.opensim.osim_text import model_tree
-from vtkmuscle.report.sections import Section, shown_rows, svg_curve, write_page
+from vtkmuscle.report.page import Section, shown_rows, svg_curve, write_sections
 from vtkmuscle.run.table import Table
 
 #: Poses per sweep, and sweeps per coordinate: the first with the other coordinates at their defaults, further
@@ -135,19 +135,15 @@ class ModelCheck:
 
     def write(self, page: Path) -> Path:
         """Write a page and a table; return the table's path."""
-        curves = [
-            (
-                f"{each.muscle}, {each.coordinate}: {each.what}",
-                svg_curve(each.values, 1000.0 * each.arms, each.unit, "mm"),
-            )
-            for each in self.findings
-        ]
+        titles = (f"{each.muscle}, {each.coordinate}: {each.what}" for each in self.findings)
+        drawn = (svg_curve(each.values, 1000.0 * each.arms, each.unit, "mm") for each in self.findings)
+        curves = list(zip(titles, drawn, strict=True))
         sections = [
             Section("Findings", str(self), shown_rows(self.table()), words=True),
             Section("Moment arms", "Each over the sweep with its largest fault.", drawings=curves),
         ]
         lead = "Jumps of lengths and moment arms, sign changes of moment arms, and fibres out of their range."
-        write_page(page, self.model.name, "check", lead, sections)
+        write_sections(page, self.model.name, "check", lead, sections)
         return self.table().to_csv(page.with_suffix(".csv"), digits=6)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import vtkmuscle
 from vtkmuscle.core.machine import FOLDER_VARIABLE, cache_folder
-from vtkmuscle.io.writing import write_text
+from vtkmuscle.io.writing import write_json
 
 _HERE = Path(__file__).resolve().parent
 #: Folder that ParaView loads at start-up.
@@ -54,14 +54,14 @@ def link_packages(folder: Path) -> None:
         if not old.is_symlink() or os.readlink(old) not in (ours.get(old.name), wanted.get(old.name)):
             raise ValueError(f"{folder}: {old.name} {what}; give a separate folder with --folder")
     # The record comes first, so that it also lists the links of an interrupted call.
-    write_text(folder / _RECORD, json.dumps(ours | wanted, indent=1) + "\n")
+    write_json(folder / _RECORD, ours | wanted)
     for name in {*ours, *wanted}:
         if (folder / name).is_symlink() and os.readlink(folder / name) != wanted.get(name):
             (folder / name).unlink()
     for name, target in wanted.items():
         if not (folder / name).is_symlink():
             (folder / name).symlink_to(target)
-    write_text(folder / _RECORD, json.dumps(wanted, indent=1) + "\n")
+    write_json(folder / _RECORD, wanted)
 
 
 def _our_links(folder: Path) -> dict[str, str]:
@@ -89,10 +89,7 @@ def settings(folder: Path) -> dict[str, list[Path]]:
 
 
 def shell_commands(folder: Path) -> list[str]:
-    """Return shell commands that set the variables.
-
-    The shell is POSIX, or cmd.exe on Windows.
-    """
+    """Return shell commands that set the variables. The shell is POSIX, or cmd.exe on Windows."""
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     lines = [f"{'rem' if os.name == 'nt' else '#'} for a ParaView whose Python is {version}"]
     for name, folders in settings(folder).items():

@@ -79,11 +79,7 @@ def plain(text: str) -> str:
 
 
 def properties_of(parameter: Parameter[Any], among: Iterable[Parameter[Any]] = ()) -> list[Property]:
-    """Return the properties of a parameter in order: 2 of an optional number, 1 of others.
-
-    A property is visible if effective; ``among`` are all parameters of the filter. TypeError for a kind with
-    neither a property in ParaView nor a file.
-    """
+    """Return the properties of a parameter in order: 2 of an optional number, 1 of others."""
     properties = _properties_of(parameter)
     for shown in properties:
         if parameter.listed is not None:
@@ -171,10 +167,7 @@ def _vector(name: str, parameter: Parameter[Any], default: Any, count: int) -> E
 
 
 def _optional_number(name: str, parameter: Parameter[Any]) -> list[Property]:
-    """Return a check box for None, and the number without None.
-
-    ParaView's numbers are never None, and no number can represent None: 0 is a valid tolerance.
-    """
+    """Return a check box for None, and the number without None."""
     box = f"Automatic{name}"
     number = _vector(name, parameter, _first_number(parameter), 1)
     _show_only_with(number, box, ("0",))
@@ -191,10 +184,7 @@ def _optional_number(name: str, parameter: Parameter[Any]) -> list[Property]:
 
 
 def _show_only_with(xml: Element, other: str, values: Sequence[str], **more: str) -> None:
-    """Show a property only for values of another.
-
-    With inverse="1", the property is hidden for these values.
-    """
+    """Show a property only for values of another."""
     hints = xml.find("Hints")
     if hints is None:
         hints = SubElement(xml, "Hints")

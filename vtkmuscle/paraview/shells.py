@@ -137,7 +137,7 @@ def shell_of(kind: type[Filter], module: str) -> type[Shell]:
         for shown in properties_of(parameter):
             members[shown.command] = _setter(name, shown)
     for name, information in informations_of(kind).items():
-        members[information.attrib["command"]] = _getter(name)
+        members[information.attrib["command"]] = lambda self, name=name: getattr(self, name)
     return type(kind.__name__, (Shell, kind), members)
 
 
@@ -147,13 +147,6 @@ def _setter(name: str, shown: Property) -> Callable[..., None]:
 
     set_property.__name__ = shown.command
     return set_property
-
-
-def _getter(name: str) -> Callable[..., Any]:
-    def get_information(self: Shell) -> Any:
-        return getattr(self, name)
-
-    return get_information
 
 
 def _words(failure: BaseException) -> str:

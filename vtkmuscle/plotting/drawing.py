@@ -21,7 +21,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 import vtkmuscle.plotting
 from vtkmuscle.core.machine import python_command
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.drawn_bones import DrawnBones
+from vtkmuscle.plotting.views import DrawnBones
 
 if TYPE_CHECKING:
     from vtkmuscle.plotting.studio import Studio
@@ -78,8 +78,7 @@ def can_render() -> str | None:
         return None
     what = "a test picture could not be rendered"
     if done.returncode < 0:
-        name = signal.Signals(-done.returncode).name
-        what = f"the process that rendered a test picture crashed ({name})"
+        what = f"the process of a test picture crashed ({signal.Signals(-done.returncode).name})"
     lines = [_LOG_PREFIX.sub("", line).strip() for line in done.stderr.splitlines()]
     last = next((f"; the last message was: {line}" for line in reversed(lines) if line), "")
     return f"{what}: no usable OpenGL (on Linux, the packages libegl1 and libgl1 provide it){last}"

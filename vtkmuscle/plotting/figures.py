@@ -25,33 +25,20 @@ from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn, in_words
+from vtkmuscle.plotting import sheets, views
 from vtkmuscle.plotting.drawing import MuscleFrame
-from vtkmuscle.plotting.sheets import (
-    DOTS_PER_INCH,
-    INCH,
-    WIDTH,
-    Panel,
-    blank_figure,
-    curves,
-    fitted,
-    legend_columns,
-    letters_in,
-    sheet,
-)
 from vtkmuscle.plotting.studio import Studio, actors_of, fixed_bones, position_colours, strain_colours
-from vtkmuscle.plotting.views import FIBRE_MAP, MUSCLE_RED, PALETTE, PLACE_MAP, View, clearest_view
 
 
 def plot_rest_pose(
     muscles: Mapping[str, vtkPolyData],
-    bones: DrawnBones,
+    bones: views.DrawnBones,
     studio: Studio,
     *,
     title: str = "",
     units: str = "mm",
-    width: float = WIDTH,
+    width: float = sheets.WIDTH,
 ) -> Figure:
     """Return a picture of muscles and fixed points at rest.
 
@@ -78,36 +65,36 @@ def plot_rest_pose(
     if len(muscles) > 1:
         shown = {"all muscles": list(muscles.values()), **shown}
     panels = []
-    views = [clearest_view(parts, [hiding] * len(parts)) for parts in shown.values()]
-    for (name, parts), view in zip(shown.items(), fitted(views, width), strict=True):
+    seen = [views.clearest_view(parts, [hiding] * len(parts)) for parts in shown.values()]
+    for (name, parts), view in zip(shown.items(), sheets.fitted(seen, width), strict=True):
         if len(parts) > 1:
             image = studio.picture(actors_of(parts, view), view, bones=bones)
         else:
             image = _with_fixed_points(bones, parts[0], view, studio)
-        panels.append(Panel(image, name, view))
+        panels.append(sheets.Panel(image, name, view))
     fixed_to = np.concatenate([fixed_bones(muscle) for muscle in muscles.values()])
     handles, labels = [], []
     for i, name in enumerate(bones.by_name):
         if count := np.count_nonzero(fixed_to == i):
-            colour = PALETTE[i % len(PALETTE)]
+            colour = views.PALETTE[i % len(views.PALETTE)]
             handles.append(Line2D([], [], linestyle="", marker="o", markersize=5, color=colour))
             labels.append(f"fixed to {name} ({count} points)")
-    columns = legend_columns(width / INCH, labels)
+    columns = sheets.legend_columns(width / sheets.INCH, labels)
     legend_high = 1.8 * rcParams["font.size"] / 72.0 * math.ceil(len(labels) / columns)
-    figure = sheet(panels, title, units, width, bottom=0.2 + legend_high)
+    figure = sheets.sheet(panels, title, units, width, bottom=0.2 + legend_high)
     figure.legend(handles, labels, loc="lower center", ncols=columns, frameon=False)
     return figure
 
 
 def plot_muscle(
     frames: Sequence[MuscleFrame],
-    bones: DrawnBones,
+    bones: views.DrawnBones,
     studio: Studio,
     *,
     rest_fibres: vtkPolyData | None = None,
     title: str = "",
     units: str = "mm",
-    width: float = WIDTH,
+    width: float = sheets.WIDTH,
 ) -> Figure:
     """Return a picture of a muscle in several frames.
 
@@ -130,7 +117,8 @@ def plot_muscle(
         For ``savefig``.
     """
     hiding = [bones.spread(frame.transforms) for frame in frames]
-    (view, *_) = fitted([clearest_view([frame.muscle for frame in frames], hiding)] * len(frames), width)
+    view = views.clearest_view([frame.muscle for frame in frames], hiding)
+    (view, *_) = sheets.fitted([view] * len(frames), width)
     strains: list[Floats] = []
     limit = 1.0
     if rest_fibres is not None:
@@ -143,11 +131,11 @@ def plot_muscle(
         colours = None if strain is None else strain_colours(strain, limit)
         actors = actors_of([frame.muscle], view, fibres=frame.fibres, colours=colours, finer=studio.finer)
         image = studio.picture(actors, view, bones=bones, transforms=frame.transforms)
-        panels.append(Panel(image, frame.label, view))
-    figure = sheet(panels, title, units, width, bottom=0.55)
+        panels.append(sheets.Panel(image, frame.label, view))
+    figure = sheets.sheet(panels, title, units, width, bottom=0.55)
     if strains:
         bar = figure.add_axes((0.3, 0.24 / figure.get_figheight(), 0.4, 0.08 / figure.get_figheight()))
-        scale = ScalarMappable(Normalize(-limit, limit), FIBRE_MAP)
+        scale = ScalarMappable(Normalize(-limit, limit), views.FIBRE_MAP)
         figure.colorbar(scale, cax=bar, orientation="horizontal", extend="both")
         bar.set_title("change of fibre length since rest [%]", fontsize="medium", pad=3.0)
     return figure
@@ -161,7 +149,7 @@ def plot_lengths(
     title: str = "",
     time_label: str = "time",
     ticks: Mapping[float, str] | None = None,
-    width: float = WIDTH,
+    width: float = sheets.WIDTH,
 ) -> Figure:
     """Return curves of path or fibre lengths over time.
 
@@ -186,22 +174,27 @@ def plot_lengths(
         For ``savefig``.
     """
     values = np.asarray(lengths, dtype=np.float64)
-    figure, axes = curves(title, time_label, f"{of} length [mm]", width)
+    figure = sheets.blank_figure(width / sheets.INCH, min(0.75 * width / sheets.INCH, 4.2))
+    figure.set_layout_engine("constrained")
+    figure.suptitle(title, fontsize="large")
+    axes = figure.subplots()
+    axes.set(xlabel=time_label, ylabel=f"{of} length [mm]")
+    axes.spines[["top", "right"]].set_visible(False)
     if ticks:
         axes.set_xticks(list(ticks), list(ticks.values()))
     marker = "o" if len(values) == 1 else ""
+    look: dict[str, Any] = {"color": views.MUSCLE_RED, "linewidth": 0.7}
+    axes.add_collection(_lines(np.asarray(times), values, colors=views.MUSCLE_RED, alpha=0.25))
     if marker:
-        axes.plot(times, values, color=MUSCLE_RED, alpha=0.25, linewidth=0.7, marker=marker, markersize=3)
-    else:
-        axes.add_collection(_lines(np.asarray(times), values, colors=MUSCLE_RED, alpha=0.25))
-    axes.plot([], [], color=MUSCLE_RED, alpha=0.5, linewidth=0.7, label=f"{values.shape[1]} {of}s")
+        axes.plot(times, values, alpha=0.25, marker=marker, markersize=3, **look)
+    axes.plot([], [], alpha=0.5, label=f"{values.shape[1]} {of}s", **look)
     axes.plot(times, values.mean(axis=1), color="black", linewidth=1.5, marker=marker, label="mean")
     axes.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     return figure
 
 
 def _with_fixed_points(
-    bones: DrawnBones, muscle: vtkPolyData, view: View, studio: Studio
+    bones: views.DrawnBones, muscle: vtkPolyData, view: views.View, studio: Studio
 ) -> NDArray[np.uint8]:
     """Return a picture with the fixed points, also through bones."""
     actors = actors_of([muscle], view, fixed_points=True, finer=studio.finer)
@@ -229,13 +222,13 @@ _HEIGHT, _PICTURE = 2.4, 2.1
 
 def plot_moment_arms(
     arms: Mapping[str, JointArms],
-    bones: DrawnBones | None = None,
+    bones: views.DrawnBones | None = None,
     studio: Studio | None = None,
     *,
     rest: MuscleFrame | None = None,
     literature: Sequence[LiteratureCurve] = (),
     units: str = "mm",
-    width: float = WIDTH,
+    width: float = sheets.WIDTH,
 ) -> Figure:
     """Return curves of a muscle's moment arms by coordinate.
 
@@ -264,20 +257,20 @@ def plot_moment_arms(
     matplotlib.figure.Figure
         For ``savefig``.
     """
-    panel, wide, beside = None, width / INCH, width > 0.6 * WIDTH
+    panel, wide, beside = None, width / sheets.INCH, width > 0.6 * sheets.WIDTH
     positions = None if rest is None or rest.fibres is None else positions_across(rest.fibres)
     if rest is not None and positions is not None and bones is not None and studio is not None:
-        view = clearest_view([rest.muscle], [bones.spread()])
+        view = views.clearest_view([rest.muscle], [bones.spread()])
         across = min(_PICTURE * view.aspect, (0.33 if beside else 0.9) * wide)
-        view = replace(view, area=(across * DOTS_PER_INCH) ** 2 / view.aspect)  # pixel for pixel
+        view = replace(view, area=(across * sheets.DOTS_PER_INCH) ** 2 / view.aspect)  # pixel for pixel
         colours = position_colours(positions)
         actors = actors_of([rest.muscle], view, fibres=rest.fibres, colours=colours, finer=studio.finer)
-        panel = Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
+        panel = sheets.Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
     left, above = (0.0, 0.0) if panel is None else (panel.inches[0] + 0.1, panel.inches[1] + 0.25)
     left, above = (left, 0.0) if beside else (0.0, above)
     curves_high, title = _HEIGHT * len(arms), rest.label if rest is not None else ""
     height = curves_high + above + (0.25 if title else 0.0)
-    figure = blank_figure(wide, height)
+    figure = sheets.blank_figure(wide, height)
     figure.set_layout_engine("constrained", rect=(left / wide, 0.0, 1.0 - left / wide, curves_high / height))
     figure.text(0.5, 1.0 - 0.15 / height, title, ha="center", va="center", fontsize="large")
     if panel is not None:
@@ -298,18 +291,15 @@ def plot_moment_arms(
         axes.spines[["top", "right"]].set_visible(False)
         positive = f", positive: {joint_arms.positive}" if joint_arms.positive else ""
         label, room = in_words(name, joint_arms.unit) + positive, wide - left - 0.5
-        axes.set_xlabel(fill(label, letters_in(room), break_on_hyphens=False))
+        axes.set_xlabel(fill(label, sheets.letters_in(room), break_on_hyphens=False))
         axes.set_ylabel("moment arm [mm]" if unit is not None else "moment arm [1]")
-        columns = legend_columns(room, axes.get_legend_handles_labels()[1])
+        columns = sheets.legend_columns(room, axes.get_legend_handles_labels()[1])
         axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns)
     return figure
 
 
 def positions_across(fibres: vtkPolyData) -> Floats:
-    """Return fibre positions (n,) across the muscle, 0 to 1.
-
-    The axis is the first principal axis of the fibres' midpoints, perpendicular to the mean fibre direction.
-    """
+    """Return fibre positions (n,) across the muscle, 0 to 1."""
     lines = polylines_of(fibres, "plotting: fibres")
     first, last = lines.offsets[:-1], lines.offsets[1:] - 1
     middles = lines.points[(first + last) // 2]
@@ -326,10 +316,9 @@ def _draw_arms(axes: Axes, joint_arms: JointArms, positions: Floats | None) -> N
     # A sweep up and down repeats values: curves are drawn by ascending value.
     order = np.argsort(joint_arms.values, kind="stable")
     values, mean, arms = joint_arms.values[order], joint_arms.mean[order], joint_arms.arms[order]
-    plain = positions is None
-    look: dict[str, Any] = {"colors": MUSCLE_RED} if plain else {"array": positions, "cmap": PLACE_MAP}
-    lines = axes.add_collection(_lines(values, arms, alpha=0.6, **look))
-    colour = lines.get_edgecolor()[0] if plain else "#2a788e"
+    look: dict[str, Any] = {"array": positions, "cmap": views.PLACE_MAP}
+    colour = views.MUSCLE_RED if positions is None else "#2a788e"
+    axes.add_collection(_lines(values, arms, alpha=0.6, **{"colors": colour} if positions is None else look))
     axes.plot([], [], color=colour, linewidth=0.9, label=f"{arms.shape[1]} paths")
     axes.plot(values, mean, color="black", linewidth=1.5, label="mean")
     if joint_arms.quartic is not None:
@@ -339,11 +328,7 @@ def _draw_arms(axes: Axes, joint_arms: JointArms, positions: Floats | None) -> N
 
 
 def shown_range(arms: Floats, mean: Floats) -> tuple[float, float]:
-    """Return axis limits for the mean and most paths.
-
-    Paths count from their 1st to 99th percentile, plus a margin of a tenth, so that a spike of a few paths
-    does not flatten the axis.
-    """
+    """Return axis limits for the mean and most paths."""
     low, high = np.percentile(arms, (1.0, 99.0))
     low, high = min(float(low), float(mean.min()), 0.0), max(float(high), float(mean.max()), 0.0)
     margin = 0.1 * max(high - low, 1e-9)
@@ -355,7 +340,7 @@ def draw_literature(axes: Axes, curves: Sequence[LiteratureCurve], per_degree: f
     of_source: dict[str, str] = {}
     low, high = axes.get_ylim()
     for curve in drawn(curves):
-        colour = of_source.setdefault(curve.source, PALETTE[len(of_source) % len(PALETTE)])
+        colour = of_source.setdefault(curve.source, views.PALETTE[len(of_source) % len(views.PALETTE)])
         angles, top = curve.angles * per_degree, curve.arms if curve.upper is None else curve.upper
         look: dict[str, Any] = {"color": colour, "label": curve.label}
         if curve.upper is not None:

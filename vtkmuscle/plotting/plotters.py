@@ -13,15 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of, multiblock_from
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.plotting.studio import (
-    actors_of,
-    line_actor,
-    look_from,
-    matrix_of,
-    move_points,
-    surface_actor,
-    x_server_warning_off,
-)
+from vtkmuscle.plotting import studio
 from vtkmuscle.plotting.views import PALETTE, View, choose_view, fibre_surface, merged
 
 if TYPE_CHECKING:
@@ -36,7 +28,7 @@ def plain_plotter(size: tuple[int, int], off_screen: bool | None) -> pyvista.Plo
     if own.jupyter_backend != theme.jupyter_backend:  # PyVista checks a backend when set
         theme.jupyter_backend = own.jupyter_backend
     theme.trame = own.trame
-    with x_server_warning_off():
+    with studio.x_server_warning_off():
         plotter = pyvista.Plotter(off_screen=off_screen, window_size=list(size), theme=theme)
     plotter.set_background("white")
     plotter.enable_anti_aliasing("ssaa")
@@ -80,10 +72,10 @@ def make_plotter(
     plotter = plain_plotter(view.size, off_screen)
     # PyVista's anti-aliasing renders 4 x 4 pixels.
     looks: dict[str, Any] = {"colours": colours, "fixed_points": fixed_points, "finer": 4}
-    actors = actors_of(muscles, view, fibres=fibres, **looks)
-    for actor in (*(surface_actor(bone) for _, bone in blocks_of(bones)), *actors):
+    actors = studio.actors_of(muscles, view, fibres=fibres, **looks)
+    for actor in (*(studio.surface_actor(bone) for _, bone in blocks_of(bones)), *actors):
         plotter.add_actor(actor, reset_camera=False, render=False)
-    look_from(plotter.camera, view)
+    studio.look_from(plotter.camera, view)
     plotter.renderer.ResetCameraClippingRange()
     return plotter
 
@@ -144,13 +136,12 @@ class MovingScene:
         self.view = choose_view([merged(seen)], [multiblock_from(dict(named))])
         self.plotter = plain_plotter(size, off_screen)
         colours = {name: PALETTE[i % len(PALETTE)] for i, name in enumerate(muscles or fibres)}
-        self._bones = {name: surface_actor(surface) for name, surface in named.items()}
-        looks: dict[str, Any] = {
-            name: {"colour": colours[name], "opacity": 0.55 if name in fibres else opacity}
-            for name in muscles
-        }
-        self._muscles = {name: surface_actor(surface, **looks[name]) for name, surface in muscles.items()}
-        self._fibres = {name: line_actor(lines, colours[name]) for name, lines in fibres.items()}
+        self._bones = {name: studio.surface_actor(surface) for name, surface in named.items()}
+        self._muscles = {}
+        for name, surface in muscles.items():
+            dense = 0.55 if name in fibres else opacity
+            self._muscles[name] = studio.surface_actor(surface, colours[name], opacity=dense)
+        self._fibres = {name: studio.line_actor(lines, colours[name]) for name, lines in fibres.items()}
         for actor in chain(self._bones.values(), self._muscles.values(), self._fibres.values()):
             self.plotter.add_actor(actor, reset_camera=False, render=False)
         self.look(self.view)
@@ -167,18 +158,18 @@ class MovingScene:
         muscle. Missing bones stay at rest, missing muscles are hidden.
         """
         for name, actor in self._bones.items():
-            actor.SetUserMatrix(matrix_of(bones.get(name)))
+            actor.SetUserMatrix(studio.matrix_of(bones.get(name)))
         for actors, positions in ((self._muscles, muscles), (self._fibres, fibres)):
             for name, actor in actors.items():
                 actor.SetVisibility(name in positions)
                 if name in positions:
-                    move_points(actor, positions[name])
+                    studio.move_points(actor, positions[name])
         self.plotter.renderer.ResetCameraClippingRange()
 
     def look(self, view: View) -> None:
         """Set the view, in parallel projection."""
         width, height = self.plotter.window_size
-        look_from(self.plotter.camera, view)
+        studio.look_from(self.plotter.camera, view)
         self.plotter.camera.parallel_scale *= 1.2 * max(1.0, view.aspect * height / width)
         self.plotter.renderer.ResetCameraClippingRange()
 
@@ -238,9 +229,8 @@ def _filters_behind(algorithm: Any) -> list[Filter]:
     """Return the nearest filters of the package upstream."""
     if isinstance(algorithm, Filter):
         return [algorithm]
-    return [
-        nearest
-        for port in range(algorithm.GetNumberOfInputPorts())
-        for index in range(algorithm.GetNumberOfInputConnections(port))
-        for nearest in _filters_behind(algorithm.GetInputAlgorithm(port, index))
-    ]
+    filters: list[Filter] = []
+    for port in range(algorithm.GetNumberOfInputPorts()):
+        for index in range(algorithm.GetNumberOfInputConnections(port)):
+            filters += _filters_behind(algorithm.GetInputAlgorithm(port, index))
+    return filters

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context, rcdefaults, rcParams
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -154,14 +153,3 @@ def save_figure(figure: Figure, path: Path, form: str = "png", dpi: float = 150.
     text_stays_text = {"pdf.fonttype": 42, "svg.fonttype": "none"}
     with replacing(path) as partial, rc_context(text_stays_text):
         figure.savefig(partial, format=form, dpi=dpi, **options)
-
-
-def curves(title: str, time_label: str, value_label: str, width: float = WIDTH) -> tuple[Figure, Axes]:
-    """Return a figure of a width [mm], and axes for curves over time."""
-    figure = blank_figure(width / INCH, min(0.75 * width / INCH, 4.2))
-    figure.set_layout_engine("constrained")
-    figure.suptitle(title, fontsize="large")
-    axes = figure.subplots()
-    axes.set(xlabel=time_label, ylabel=value_label)
-    axes.spines[["top", "right"]].set_visible(False)
-    return figure, axes

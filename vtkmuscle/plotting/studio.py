@@ -30,18 +30,8 @@ from vtkmodules.vtkRenderingCore import (
 
 from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import (
-    add_arrays,
-    point_array,
-    points_of,
-    polylines_from,
-    polylines_of,
-    surface_from,
-    triangles_of,
-    vtk_points,
-)
-from vtkmuscle.data.drawn_bones import DrawnBone, DrawnBones
-from vtkmuscle.plotting.views import FIBRE_MAP, IVORY, MUSCLE_RED, NEUTRAL, PALETTE, PLACE_MAP, View, axes_of
+from vtkmuscle.data import arrays
+from vtkmuscle.plotting import views
 
 _PLAIN_FIBRES = "#f3d9c9"
 _COLOURS = "Colours"
@@ -49,25 +39,21 @@ _COLOURS = "Colours"
 
 def actors_of(
     muscles: Sequence[vtkPolyData],
-    view: View,
+    view: views.View,
     *,
     fibres: vtkPolyData | None = None,
     colours: NDArray[np.uint8] | None = None,
     fixed_points: bool = False,
     finer: float = 1.0,
 ) -> list[vtkActor]:
-    """Return muscles, fibres and fixed points, as in :func:`~vtkmuscle.plotting.make_plotter`.
-
-    A muscle with fibres shows its far wall only, in grey, without tinting the fibres' colours. ``finer`` is
-    the number of rendered pixels per picture pixel, along each side.
-    """
+    """Return muscles, fibres and fixed points, as in :func:`~vtkmuscle.plotting.make_plotter`."""
     actors = []
     if fibres is not None and fibres.GetNumberOfLines():
         actors.append(fibre_actor(fibres, finer * view.size[1] / 160.0, colours))
     for muscle in muscles:
         if fixed_points:
             actors += fixed_point_actors(muscle, finer * view.size[1] / 110.0)
-        colour = MUSCLE_RED if fibres is None else NEUTRAL
+        colour = views.MUSCLE_RED if fibres is None else views.NEUTRAL
         actor = surface_actor(muscle, colour, opacity=0.35 if fixed_points else 0.5)
         if fibres is not None:
             actor.GetProperty().SetBackfaceCulling(False)
@@ -76,16 +62,10 @@ def actors_of(
     return actors
 
 
-def bone_actor(bone: DrawnBone) -> vtkActor:
-    """Return a bone at rest in ivory, without back faces if closed."""
-    surface = _with_normals(surface_from(bone.points, bone.triangles), bone.normals)
-    return _actor(surface, IVORY, backface_culling=bone.solid)
-
-
-def surface_actor(surface: vtkPolyData, colour: str = IVORY, *, opacity: float = 1.0) -> vtkActor:
+def surface_actor(surface: vtkPolyData, colour: str = views.IVORY, *, opacity: float = 1.0) -> vtkActor:
     """Return a surface of triangles, translucent for an opacity below 1."""
-    points, triangles = points_of(surface), triangles_of(surface, "plotting")
-    own = _with_normals(surface_from(points, triangles), vertex_normals(points, triangles))
+    points, triangles = arrays.points_of(surface), arrays.triangles_of(surface, "plotting")
+    own = _with_normals(arrays.surface_from(points, triangles), vertex_normals(points, triangles))
     # Back faces of a translucent surface would be blended in arbitrary order.
     return _actor(own, colour, opacity=opacity, backface_culling=opacity < 1.0)
 
@@ -93,21 +73,21 @@ def surface_actor(surface: vtkPolyData, colour: str = IVORY, *, opacity: float =
 def move_points(actor: vtkActor, points: Floats) -> None:
     """Move the points of a surface or of lines."""
     data = actor.GetMapper().GetInput()
-    data.SetPoints(vtk_points(points))
+    data.SetPoints(arrays.vtk_points(points))
     if data.GetNumberOfPolys():
-        _with_normals(data, vertex_normals(points, triangles_of(data, "plotting")))
+        _with_normals(data, vertex_normals(points, arrays.triangles_of(data, "plotting")))
 
 
 def fixed_point_actors(muscle: vtkPolyData, diameter: float) -> list[vtkActor]:
     """Return fixed points as balls [pixels], coloured by bone."""
-    points, fixed_to = points_of(muscle), fixed_bones(muscle)
+    points, fixed_to = arrays.points_of(muscle), fixed_bones(muscle)
     actors = []
     for bone in np.unique(fixed_to[fixed_to >= 0]):
         fixed = points[fixed_to == bone]
         vertices = vtkCellArray()
         vertices.SetData(1, numpy_to_vtk(np.arange(len(fixed)), deep=True))
-        balls = vtkPolyData(points=vtk_points(fixed), verts=vertices)
-        colour = PALETTE[bone % len(PALETTE)]
+        balls = vtkPolyData(points=arrays.vtk_points(fixed), verts=vertices)
+        colour = views.PALETTE[bone % len(views.PALETTE)]
         look = {"ambient": 0.3, "render_points_as_spheres": True, "point_size": diameter}
         actors.append(_actor(balls, colour, **look))
     return actors
@@ -116,7 +96,7 @@ def fixed_point_actors(muscle: vtkPolyData, diameter: float) -> list[vtkActor]:
 def line_actor(lines: vtkPolyData, colour: str) -> vtkActor:
     """Return polylines in a pale tint, 2.5 pixels wide."""
     look = {"line_width": 2.5, "render_lines_as_tubes": True, "ambient": 0.0, "specular": 0.0}
-    actor = _actor(polylines_from(polylines_of(lines, "plotting: fibres")), colour, **look)
+    actor = _actor(arrays.polylines_from(arrays.polylines_of(lines, "plotting: fibres")), colour, **look)
     actor.GetProperty().SetColor(*(0.5 + 0.5 * part for part in to_rgb(colour)))
     return actor
 
@@ -133,31 +113,27 @@ def strain_colours(strain: Floats, limit: float) -> NDArray[np.uint8]:
     >>> strain_colours(np.array([-10.0, 10.0]), limit=10.0).tolist()
     [[58, 76, 192], [179, 3, 38]]
     """
-    return _colours(FIBRE_MAP, 0.5 + 0.5 * strain / limit)
+    return _colours(views.FIBRE_MAP, 0.5 + 0.5 * strain / limit)
 
 
 def position_colours(positions: Floats) -> NDArray[np.uint8]:
     """Return colours (n, 3) of positions (n,) from 0 to 1."""
-    return _colours(PLACE_MAP, positions)
+    return _colours(views.PLACE_MAP, positions)
 
 
 def fibre_actor(fibres: vtkPolyData, width: float, colours: NDArray[np.uint8] | None = None) -> vtkActor:
-    """Return splines through fibre points, shaded as tubes of a width [pixels].
-
-    ``colours`` are (n_fibres, 3). Rendering tubes of triangles takes a third longer.
-    """
-    lines = polylines_from(polylines_of(fibres, "plotting: fibres"))
+    """Return splines through fibre points, shaded as tubes of a width [pixels]."""
+    lines = arrays.polylines_from(arrays.polylines_of(fibres, "plotting: fibres"))
     if colours is not None:
-        add_arrays(lines, cells={_COLOURS: colours})
+        arrays.add_arrays(lines, cells={_COLOURS: colours})
     # The end curvature equals the neighbouring point's, so that arcs stay round.
     cubic = vtkCardinalSpline(left_constraint=3, right_constraint=3, left_value=1.0, right_value=1.0)
     # Thick lines have gaps at bends; with this many pieces, gaps are invisible.
     pieces = max(24, round(5.0 * width))
     splines = vtkSplineFilter(spline=cubic, input_data=lines, number_of_subdivisions=pieces)
     splines.SetSubdivideToSpecified()
-    splines.Update()
     look = {"line_width": width, "render_lines_as_tubes": True, "ambient": 0.25}
-    actor = _actor(splines.GetOutput(), _PLAIN_FIBRES, **look)
+    actor = _actor(splines.update().output, _PLAIN_FIBRES, **look)
     if colours is not None:
         mapper = actor.GetMapper()
         mapper.SetScalarVisibility(True)
@@ -171,7 +147,7 @@ def fixed_bones(muscle: vtkPolyData) -> Ints:
     """Return the point array ``FixedTo``: bone indices, -1 for free points."""
     if muscle.GetPointData().GetArray("FixedTo") is None:
         return np.full(muscle.GetNumberOfPoints(), -1)
-    return point_array(muscle, "FixedTo", "plotting: muscle").astype(np.int64)
+    return arrays.point_array(muscle, "FixedTo", "plotting: muscle").astype(np.int64)
 
 
 def _colours(name: str, part: Floats) -> NDArray[np.uint8]:
@@ -236,7 +212,7 @@ class Studio:
         self._renderer.SetBackground(1.0, 1.0, 1.0)
         # Muscles of one colour without back faces look the same in any order.
         self._renderer.SetUseOIT(False)
-        self._bones: dict[DrawnBone, vtkActor] = {}
+        self._bones: dict[views.DrawnBone, vtkActor] = {}
         self.pictures = self.triangles = 0
 
     def __enter__(self) -> Self:
@@ -252,9 +228,9 @@ class Studio:
     def picture(
         self,
         actors: Sequence[vtkActor],
-        view: View,
+        view: views.View,
         *,
-        bones: DrawnBones | None = None,
+        bones: views.DrawnBones | None = None,
         transforms: Mapping[str, Floats] | None = None,
     ) -> NDArray[np.uint8]:
         """Return a picture (height, width, 3) of actors and of bones, moved from rest, on white."""
@@ -282,9 +258,11 @@ class Studio:
         image: NDArray[np.uint8] = np.asarray(fine.reduce(FINER))[::-1, :, :3]
         return image
 
-    def _moved(self, bones: DrawnBones | None, transforms: Mapping[str, Floats]) -> Iterator[vtkActor]:
+    def _moved(self, bones: views.DrawnBones | None, transforms: Mapping[str, Floats]) -> Iterator[vtkActor]:
         for name, bone in {} if bones is None else bones.by_name.items():
-            actor = self._bones.get(bone) or self._bones.setdefault(bone, bone_actor(bone))
+            if (actor := self._bones.get(bone)) is None:
+                surface = _with_normals(arrays.surface_from(bone.points, bone.triangles), bone.normals)
+                actor = self._bones[bone] = _actor(surface, views.IVORY, backface_culling=bone.solid)
             actor.SetUserMatrix(matrix_of(transforms.get(name)))
             yield actor
 
@@ -297,12 +275,12 @@ def matrix_of(transform: Floats | None) -> vtkMatrix4x4:
     return matrix
 
 
-def look_from(camera: vtkCamera, view: View) -> None:
+def look_from(camera: vtkCamera, view: views.View) -> None:
     """Set a camera to a view, in parallel projection."""
     camera.SetParallelProjection(True)
     camera.SetFocalPoint(*view.focus)
     camera.SetPosition(*(view.focus + 10.0 * view.half_height * view.direction))
-    camera.SetViewUp(*axes_of(view.direction)[1])
+    camera.SetViewUp(*views.axes_of(view.direction)[1])
     camera.SetParallelScale(view.half_height)
 
 

@@ -1,35 +1,128 @@
-"""The report of a run as a self-contained page."""
+"""The report of a run as a self-contained page, and pages of sections."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from operator import contains
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import jinja2
 import numpy as np
 from markupsafe import Markup
+from numpy.typing import NDArray
 
+from vtkmuscle import __version__
 from vtkmuscle.core.motion.coordinates import ANGLES
+from vtkmuscle.core.types import Floats
+from vtkmuscle.data import package_text
 from vtkmuscle.io.writing import write_text
-from vtkmuscle.report.curves import colour_of, curves_of, label_of
-from vtkmuscle.report.scene3d import Pack, scene_of
-from vtkmuscle.report.sections import part, rendered
-from vtkmuscle.report.tables import errors_of, number, run_tables_of, settings_of, tables_of
+from vtkmuscle.report.data import MEASURES, QUANTITIES, Pack, curves_of, label_of, scene_of
 
 if TYPE_CHECKING:
     from vtkmuscle.run.result import Result
 
+#: Placeholder for a missing number.
+DASH = "\u2013"
+
+
+def number(value: Any, digits: int = 3) -> str:
+    """Return a number as text, or a dash."""
+    if value is None or (isinstance(value, float) and not np.isfinite(value)):
+        return DASH
+    size = abs(float(value))
+    if size < 5e-7:
+        return "0"
+    if size >= 10.0 ** (digits - 1):
+        return f"{value:,.0f}".replace(",", "\u202f").replace("-", "\u2212")
+    decimals = max(0, digits - 1 - int(np.floor(np.log10(size))))
+    text = f"{value:.{decimals}f}" if size >= 1e-3 else f"{value:.1e}"
+    return text.replace("-", "\u2212")
+
+
+class Cell(NamedTuple):
+    """A cell with a mark, ``"look"``, ``"failed"`` or ""."""
+
+    text: str
+    mark: str
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of a page: a table with a header, in which verdicts are marked, SVG drawings and pictures.
+
+    ``words`` says that cells are words rather than numbers; drawings are titles and SVG, pictures captions
+    and PNG in base 64.
+    """
+
+    title: str
+    note: str = ""
+    rows: Sequence[Sequence[str | Cell]] = ()
+    words: bool = False
+    drawings: Sequence[tuple[str, Mapping[str, Any]]] = ()
+    pictures: Sequence[tuple[str, str]] = ()
+
+
+def write_sections(path: Path, name: str, kind: str, lead: str, sections: Sequence[Section]) -> Path:
+    """Write a page of a kind, and return it."""
+    facts = {"name": name, "kind": kind, "lead": lead, "sections": sections}
+    write_text(path, rendered("sections.html", **facts))
+    return path
+
+
+def part(name: str) -> Markup:
+    """Return a file of the page unescaped. The package's files contain no end of a script."""
+    return Markup(package_text("vtkmuscle.report", f"page/{name}"))
+
+
+def rendered(template: str, **values: Any) -> str:
+    """Return the text of a page from a template in ``page``."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("vtkmuscle.report", "page"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.tests["contains"] = contains
+    environment.filters |= {"number": number, "label": label_of, "file_name": lambda path: Path(path).name}
+    page = environment.get_template(template)
+    return page.render(version=__version__, style=part("style.css"), **values)
+
+
+def shown_rows(table: Mapping[str, NDArray[Any]]) -> list[Sequence[str]]:
+    """Return a table's header and rows as text, with four digits. A missing number is ""."""
+    return [tuple(table), *zip(*(map(_shown, column.tolist()) for column in table.values()), strict=True)]
+
+
+def _shown(value: Any) -> str:
+    if value is None or value != value:  # noqa: PLR0124
+        return ""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+#: Width and height of a curve [pixels].
+_SIZE = (220, 50)
+
+
+def svg_curve(x: Floats, y: Floats, x_unit: str, y_unit: str) -> dict[str, Any]:
+    """Return a curve with zero line and numbers at the ends for SVG, without outliers as at jumps."""
+    low, high = np.clip(np.percentile(y, [2.0, 98.0]), [-np.inf, 0.0], [0.0, np.inf])
+    width, height = _SIZE
+    across = width * (x - x[0]) / np.ptp(x)
+    up, zero = height * (high - np.array([np.clip(y, low, high), 0.0 * y])) / ((high - low) or 1.0)
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across, up, strict=True))
+    labels = [(-4, 9, "end", f"{high:.0f} {y_unit}"), (-4, height, "end", f"{low:.0f}")]
+    labels += [(0, height + 13, "start", f"{x[0]:.4g}"), (width, height + 13, "end", f"{x[-1]:.4g} {x_unit}")]
+    return {"size": _SIZE, "points": points, "zero": f"{zero[0]:.1f}", "labels": labels}
+
+
 #: Number of muscles above which the cards are collapsed.
 MANY = 6
-#: Verdicts in words.
-BADGES = {"ok": "✓ ok", "look": "! check this", "failed": "✗ failed"}
-#: Basis of a muscle's cross-sectional area, in words.
-RESTS_ON = {
-    "aponeuroses": "fibres between aponeuroses",
-    "scene": "fibres bone to bone, less the scene's tendon",
-    "population": "fibres bone to bone, less the tendon of published muscles of this name",
-    "estimate": "fibres bone to bone, less an estimated tendon",
-}
 #: Parts of the page's program, in loading order.
 _SCRIPTS = (
     *("arrays.js", "webgl.js", "shaders.js", "colours.js", "shapes.js", "camera.js", "viewer.js"),
@@ -48,101 +141,70 @@ def page_of(run: Result) -> str:
     report, pack = run.report, Pack()
     scene = scene_of(run, pack)
     curves = curves_of(run, pack)
-    muscles = [_card(run, number, name) for number, name in enumerate(run.muscle_names)]
-    lengths, fibre_lengths = bool(run.lengths), bool(run.fibre_lengths)
     return rendered(
         "report.html",
-        name=report["scene"],
+        run=run,
+        many=MANY,
         script=Markup("\n").join(map(part, _SCRIPTS)),
         span=[number(run.times[0]), number(run.times[-1])],
-        summary=_summary(run),
-        stopped=report.get("stopped_by") if not report["complete"] else None,
-        warnings=report.get("sense", ()),
-        badge=BADGES,
-        compact=len(muscles) > MANY,
-        muscles=muscles,
-        alt=f"The scene in three dimensions: {', '.join(muscle['label'] for muscle in muscles)}, "
-        f"and the bones {', '.join(bone['name'] for bone in scene['bones'])}.",
-        surfaces=report["deformer"] != "none",
-        fibres=fibre_lengths,
-        curves=lengths or fibre_lengths or bool(curves["checks"]),
-        lengths=lengths,
-        fibre_lengths=fibre_lengths,
-        arms=any(run.all_arms.values()),
-        checks=curves["checks"],
-        coordinates=curves["coordinates"],
-        time_label=run.time_label,
-        last=len(scene["shown"]) - 1,
-        tables=tables_of(report),
-        trust=errors_of(report),
-        run_tables=run_tables_of(report),
+        angles=ANGLES,
+        quantities=QUANTITIES,
+        quality=_quality(report["muscles"]),
+        not_checked=not_checked_of(report),
         settings=settings_of(report),
-        definitions=list(report["definitions"].items()),
         data={"scene": scene, "curves": curves, "frames": list(run.frames)},
         arrays=Markup(pack.text()),
     )
 
 
-def _summary(run: Result) -> str:
-    """Return which muscles can be used."""
-    groups = {
-        verdict: [label_of(name) for name, own in run.verdicts.items() if own == verdict]
-        for verdict in BADGES
-    }
-    words = []
-    if len(groups["ok"]) == len(run.muscle_names):
-        words.append("All checks passed.")
-    elif groups["ok"]:
-        words.append(f"Passed all checks: {_listed(groups['ok'])}.")
-    if groups["look"]:
-        words.append(f"Check the findings below before use: {_listed(groups['look'])}.")
-    if groups["failed"]:
-        words.append(f"Do not use: {_listed(groups['failed'])}.")
-    return " ".join(words)
+def not_checked_of(report: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Return a table of omitted checks, with the reasons."""
+    muscles: dict[tuple[str, str], list[str]] = {}
+    for name, muscle in report["muscles"].items():
+        for check, why in muscle.get("verdict", {}).get("not_checked", {}).items():
+            muscles.setdefault((check, str(why)), []).append(label_of(name))
+    rows = [("check", "why", "muscles")]
+    for (check, why), names in muscles.items():
+        listed = "all muscles" if len(names) == len(report["muscles"]) else ", ".join(names)
+        rows.append((label_of(check), why, listed))
+    return rows
 
 
-def _listed(names: list[str]) -> str:
-    return ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1]
+def settings_of(report: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return the parameters of muscles, grouped by equal parameters."""
+    groups: dict[str, list[str]] = {}
+    for name, muscle in report["muscles"].items():
+        parameters = json.dumps(muscle.get("parameters", {}), sort_keys=True, default=str)
+        groups.setdefault(parameters, []).append(label_of(name))
+    return [(", ".join(names), list(_flat(json.loads(text)))) for text, names in groups.items()]
 
 
-def _card(run: Result, position: int, name: str) -> dict[str, Any]:
-    muscle = run.report["muscles"][name]
-    facts: list[tuple[str, str, list[str] | None]] = []
-    for title, lengths in (
-        ("mean length, bone to bone", run.lengths),
-        ("mean fibre length", run.fibre_lengths),
-    ):
-        if name in lengths:
-            mean = lengths[name].mean(axis=1)
-            facts.append((title, f"{number(mean.min())} to {number(mean.max())} mm", None))
-    for coordinate, arms in run.all_arms.get(name, {}).items():
-        chosen = np.unique([0, len(arms.values) // 2, len(arms.values) - 1])
-        means, values = (" / ".join(number(column[i]) for i in chosen) for column in (arms.mean, arms.values))
-        error = muscle["moment_arms"][coordinate]["errors"]["total_mm"]
-        unit = "mm" if arms.unit in ANGLES else ""
-        words = f"{means} {unit} at {values} {arms.unit}, error {number(error, 2)} {unit}"
-        facts.append((f"moment arm, {label_of(coordinate)}", words, [name, coordinate]))
-    architecture = muscle.get("architecture") or {}
-    if "tendon_from" in architecture:
-        area = number(architecture["pcsa_without_tendon_mm2"] / 100.0)
-        facts.append((f"PCSA, {RESTS_ON[architecture['tendon_from']]}", f"{area} cm²", None))
-    if muscle.get("volume_mm3"):
-        facts.append(("volume", f"{number(muscle['volume_mm3'] / 1000.0)} cm³", None))
-    reasons = muscle["verdict"]["reasons"]
-    finished = run.finished(name)
-    if finished < len(run.frames):
-        facts.append(("frames", f"{finished} of {len(run.frames)}", None))
-    return {
-        "name": name,
-        "label": label_of(name),
-        "colour": colour_of(position),
-        "verdict": run.verdicts[name],
-        "facts": facts,
-        "reasons": [{"says": _sentence(reason["says"]), "frame": reason["frame"]} for reason in reasons],
-        "remedies": list(dict.fromkeys(_sentence(reason["do"]) for reason in reasons)),
-    }
+def _flat(values: Mapping[str, Any], before: str = "") -> Iterable[tuple[str, str]]:
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{before}{key}.")
+        else:
+            yield f"{before}{key}", "none" if value is None else str(value)
 
 
-def _sentence(words: Any) -> str:
-    text = str(words)
-    return f"{text[:1].upper()}{text[1:]}."
+def _quality(muscles: Mapping[str, Any]) -> Section:
+    listed = [measure for measure in MEASURES if measure.head]
+    frames = {name: muscle["frames"] for name, muscle in muscles.items()}
+    series = {name: {each: each(_column(frames[name], each.key)) for each in listed} for name in muscles}
+    columns = [measure for measure in listed if any(len(values[measure]) for values in series.values())]
+    rows: list[tuple[str | Cell, ...]] = [("muscle", "frames", *(measure.head for measure in columns))]
+    for name, muscle in muscles.items():
+        reasons = muscle.get("verdict", {}).get("reasons", ())
+        marks = {reason["check"]: reason["verdict"] for reason in reasons}
+        cells = [
+            Cell(number(float(getattr(np, measure.of_all)(np.abs(values)))), marks.get(measure.check, ""))
+            if len(values := series[name][measure])
+            else DASH
+            for measure in columns
+        ]
+        rows.append((label_of(name), str(len(muscle["frames"])), *cells))
+    return Section("Quality", "Worst frame unless stated otherwise; a coloured value needs a check.", rows)
+
+
+def _column(frames: Iterable[Mapping[str, Any]], key: str) -> Any:
+    return np.array([row[key] for row in frames if row.get(key) is not None], dtype=np.float64)

@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, suppress
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,13 +18,12 @@ from numpy.typing import NDArray
 from vtkmuscle import plotting
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.words import names, suggestion
+from vtkmuscle.core.words import names
 from vtkmuscle.data.arrays import blocks_of, points_of
-from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.io.literature import in_words
 from vtkmuscle.io.writing import replacing
 from vtkmuscle.plotting.drawing import FigureOrder, MuscleFrame, can_render
-from vtkmuscle.plotting.views import fibre_surface
+from vtkmuscle.plotting.views import DrawnBones, fibre_surface
 from vtkmuscle.scene.data import SceneData
 
 if TYPE_CHECKING:
@@ -54,10 +52,7 @@ class Drawing:
                 self._jobs += [self._pool.draw(order, self._folder, self._bones) for order in orders]
 
     def finish(self) -> tuple[dict[str, Any], float]:
-        """Return the report entry of the figures and the drawing time [s].
-
-        A UserWarning gives the reason of missing figures; an OSError is raised if a file cannot be written.
-        """
+        """Return the report entry of the figures and the drawing time [s]."""
         reason, written, seconds = can_render(), list[str](), 0.0
         try:
             for job, order in zip(self._jobs, self._orders, strict=False):
@@ -92,7 +87,10 @@ def write_figures(
     reason = can_render()
     if reason is not None:
         raise RuntimeError(f"no figures can be made: {reason}")
-    return _drawn(figures_of(result), Path(folder), result.drawn_bones, form, dpi=dpi, width=width)
+    every = [rest_pose_of(result)]
+    for name in result.muscle_names:
+        every += figures_of_muscle(result, name)
+    return _drawn(every, Path(folder), result.drawn_bones, form, dpi=dpi, width=width)
 
 
 def _drawn(
@@ -109,12 +107,6 @@ def _drawn(
         return [order.write(folder, bones, studio, form, **options) for order in orders]
 
 
-def figures_of(result: Result) -> list[FigureOrder]:
-    """Return all figures of a run."""
-    every = (figures_of_muscle(result, name) for name in result.muscle_names)
-    return [rest_pose_of(result), *chain.from_iterable(every)]
-
-
 def rest_pose_of(result: Result) -> FigureOrder:
     """Return the figure of a result's muscles at rest, with fixed points."""
     at_rest = {name: result.rest_muscle(name) for name in result.muscle_names}
@@ -126,50 +118,42 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
     """Return the figures of a muscle: frames, lengths and moment arms. Empty for a muscle without frames."""
     if not result.finished(name):
         return []
-    figures = [FigureOrder(f"{name}_frames", "plot_muscle", _frames(result, name), rendered=True)]
-    for of, suffix, known in (
-        ("path", "lengths", result.lengths),
-        ("fibre", "fibre_lengths", result.fibre_lengths),
-    ):
-        if name in known:
-            times = result.times[: len(known[name])]
-            words = {"of": of, "title": in_words(name), **_time_axis(result, name, len(times))}
-            given = {"times": times, "lengths": known[name], **words}
+    title = {"title": in_words(name)}
+    given = {"frames": _frames(result, name), "rest_fibres": result.rest_fibres(name), "units": result.units}
+    figures = [FigureOrder(f"{name}_frames", "plot_muscle", given | title, rendered=True)]
+    curves = {"path": ("lengths", result.lengths), "fibre": ("fibre_lengths", result.fibre_lengths)}
+    for of, (suffix, lengths) in curves.items():
+        if name in lengths:
+            times = result.times[: len(lengths[name])]
+            given = {"times": times, "lengths": lengths[name], "of": of}
+            given |= _time_axis(result, name, len(times)) | title
             figures.append(FigureOrder(f"{name}_{suffix}", "plot_lengths", given))
     arms = result.all_arms
     if name in arms:
-        given = {
-            "arms": dict(arms[name]),
-            "rest": MuscleFrame(result.rest_muscle(name), {}, result.rest_fibres(name), in_words(name)),
-            "literature": tuple(result.literature.get(name, ())),
-            "units": result.units,
-        }
+        rest = MuscleFrame(result.rest_muscle(name), {}, result.rest_fibres(name), title["title"])
+        given = {"arms": dict(arms[name]), "rest": rest, "units": result.units}
+        given["literature"] = tuple(result.literature.get(name, ()))
         figures.append(FigureOrder(f"{name}_moment_arms", "plot_moment_arms", given, rendered=True))
     return figures
 
 
-def _frames(result: Result, name: str) -> dict[str, object]:
-    volumes = result.report["deformer"] != "none"
+def _frames(result: Result, name: str) -> list[MuscleFrame]:
+    """Return the first, the worst or else the middle, and the last finished frame of a muscle.
+
+    The worst counts in the middle two thirds: next to an end it would show the same twice.
+    """
+    finished = result.frames[: result.finished(name)]
+    inner = finished[len(finished) // 6 : len(finished) - len(finished) // 6]
+    reasons = result.report["muscles"][name].get("verdict", {}).get("reasons", ())
+    worst = [reason["frame"] for reason in reasons[:1] if reason["frame"] in inner]
     frames = []
-    for number in _chosen_frames(result, name):
+    for number in sorted({finished[0], *(worst or [finished[(len(finished) - 1) // 2]]), finished[-1]}):
         fibres = result.fibres(name, frame=number)
+        volumes = result.report["deformer"] != "none"
         muscle = result.muscle(name, frame=number) if volumes else fibre_surface(fibres)
         moved = result.motion.at(float(result.motion.times[number]))
         frames.append(MuscleFrame(muscle, moved, fibres, _at(result, name, number)))
-    rest = result.rest_fibres(name)
-    return {"frames": frames, "rest_fibres": rest, "title": in_words(name), "units": result.units}
-
-
-def _chosen_frames(result: Result, name: str) -> list[int]:
-    """Return the first, the worst or else the middle, and the last finished frame of a muscle.
-
-    The worst frame counts in the middle two thirds: next to an end it would show the same twice.
-    """
-    frames = result.frames[: result.finished(name)]
-    reasons = result.report["muscles"][name].get("verdict", {}).get("reasons", ())
-    inner = frames[len(frames) // 6 : len(frames) - len(frames) // 6]
-    worst = [reason["frame"] for reason in reasons[:1] if reason["frame"] in inner]
-    return sorted({frames[0], *(worst or [frames[(len(frames) - 1) // 2]]), frames[-1]}) if frames else []
+    return frames
 
 
 def _at(result: Result, name: str, frame: int) -> str:
@@ -260,12 +244,7 @@ class ResultDisplay:
         self, result: ResultData, muscles: str | Sequence[str] | None = None, **options: Any
     ) -> None:
         self._result = result
-        self.times, self.time_label = list(result.times), result.time_label
         self._names = names(result.muscle_names if muscles is None else muscles)
-        for name in self._names:
-            if name not in result.muscle_names:
-                known = suggestion(name, result.muscle_names)
-                raise InputError("", f"there is no muscle {name!r} in the result", known)
         self._volumes = result.report["deformer"] != "none"
         fibres = {name: lines for name in self._names if (lines := result.rest_fibres(name)) is not None}
         self.scene = plotting.MovingScene(
@@ -297,18 +276,8 @@ class ResultDisplay:
 
     def add_slider(self) -> None:
         """Add a slider over the frame times."""
-        times = np.asarray(self.times)
-
-        def moved(time: float) -> None:
-            self.show(int(np.abs(times - time).argmin()))
-
-        self.scene.plotter.add_slider_widget(
-            moved,
-            (float(times.min()), float(times.max())),
-            value=float(times[0]),
-            title=self.time_label,
-            pointa=(0.25, 0.08),
-            pointb=(0.75, 0.08),
-            title_height=0.022,
-            style="modern",
-        )
+        times = np.asarray(self._result.times)
+        look = {"pointa": (0.25, 0.08), "pointb": (0.75, 0.08), "title_height": 0.022, "style": "modern"}
+        look |= {"value": float(times[0]), "title": self._result.time_label}
+        look |= {"rng": (float(times.min()), float(times.max()))}
+        self.scene.plotter.add_slider_widget(lambda at: self.show(int(np.abs(times - at).argmin())), **look)

@@ -113,12 +113,11 @@ def frame_numbers(frames: FrameChoice, count: int) -> range:
             raise InputError("", f"frames {frames!r} cannot be understood", allowed) from None
     if wanted is None:
         return range(count)
+    if isinstance(wanted, slice) and wanted.step is not None and wanted.step <= 0:
+        raise InputError("", f"frames {frames!r} must ascend", allowed)
     if isinstance(wanted, slice):
-        if wanted.step is not None and wanted.step <= 0:
-            raise InputError("", f"frames {frames!r} must ascend", allowed)
-        numbers = range(*wanted.indices(count))
-    else:
-        numbers = wanted if isinstance(wanted, range) else range(wanted, wanted + 1)
+        wanted = range(*wanted.indices(count))
+    numbers = wanted if isinstance(wanted, range) else range(wanted, wanted + 1)
     if not len(numbers) or numbers.step < 0 or numbers[0] < 0 or numbers[-1] >= count:
         raise InputError("", f"frames {frames!r}: the motion has {count} frames", allowed)
     return numbers

@@ -9,18 +9,10 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone, depth_in
+from vtkmuscle.core.mesh import surface as surfaces
 from vtkmuscle.core.mesh.polylines import sharp_turns
 from vtkmuscle.core.mesh.rest_shape import beside_slivers, dihedral_angles
 from vtkmuscle.core.mesh.solids import points_inside
-from vtkmuscle.core.mesh.surface import (
-    edge_lengths,
-    mean_thickness,
-    mesh_topology,
-    side_products,
-    signed_volume,
-    triangle_stretches,
-    unique_edges,
-)
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_deformed
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.paths.surroundings import LARGEST_STANDOFF
@@ -51,15 +43,16 @@ class MuscleMeasure:
         self._rest = points_of(rest)
         self._triangles = triangles_of(rest, "muscle")
         self._fixed_to = np.array(point_array(rest, "FixedTo", "muscle"))
-        self.n_edges = max(int((edge_lengths(self._rest, unique_edges(self._triangles)) > 0).sum()), 1)
-        self._volume = signed_volume(self._rest, self._triangles)
-        self._sides = side_products(self._rest, self._triangles)
-        self._quads = mesh_topology(len(self._rest), self._triangles).quads
+        edges = surfaces.edge_lengths(self._rest, surfaces.unique_edges(self._triangles))
+        self.n_edges = max(int((edges > 0).sum()), 1)
+        self._volume = surfaces.signed_volume(self._rest, self._triangles)
+        self._sides = surfaces.side_products(self._rest, self._triangles)
+        self._quads = surfaces.mesh_topology(len(self._rest), self._triangles).quads
         angles, defined = dihedral_angles(self._rest, self._quads)
         self._unfolded = defined & (np.abs(angles) < np.radians(NOT_FOLDED))
         self._unfolded &= ~beside_slivers(self._rest, self._quads)
         #: A bone presses on a path from no farther, through the muscle between [mm].
-        self._standoff = LARGEST_STANDOFF * mean_thickness(self._rest, self._triangles)
+        self._standoff = LARGEST_STANDOFF * surfaces.mean_thickness(self._rest, self._triangles)
         self._rest_depths: Floats | None = None
         self._fibre_rest_depths: Floats | None = None
         self._bent: TriangleTree | None = None
@@ -89,7 +82,8 @@ class MuscleMeasure:
         has the volume and the numbers of edges.
         """
         now = {bone: transforms.get(bone, np.eye(4)) for bone in self._bones}
-        least, greatest, areas = triangle_stretches(self._sides, side_products(points, self._triangles))
+        sides = surfaces.side_products(points, self._triangles)
+        least, greatest, areas = surfaces.triangle_stretches(self._sides, sides)
         misshapen = (greatest > BEYOND * LONGEST) | (least < SHORTEST / BEYOND)
         angles, _ = dihedral_angles(points, self._quads)
         folded = self._unfolded & (np.abs(angles) > np.radians(FOLDED))
@@ -140,18 +134,14 @@ class MuscleMeasure:
             deepest = np.maximum.reduceat(depths, offsets[:-1])
             rest = self._fibre_rest_depths
             grown = float(np.maximum(deepest - (0.0 if rest is None else rest), 0.0).max())
-        return {
-            "fibres_outside_max_mm": farthest * self._millimetres,
-            "fibres_penetration_new_max_mm": None if grown is None else grown * self._millimetres,
-        }
+        deeper = None if grown is None else grown * self._millimetres
+        outside_by = farthest * self._millimetres
+        return {"fibres_outside_max_mm": outside_by, "fibres_penetration_new_max_mm": deeper}
 
     def hooked_paths(
         self, paths: Floats, rings: Sequence[AttachmentArea], now: Mapping[str, Floats]
     ) -> float:
-        """Return the share of paths (k, n, 3) that turn sharply where no bone or via ring presses.
-
-        A single path counts as none: a mean over few fibres hardly shows it.
-        """
+        """Return the share of paths (k, n, 3) that turn sharply where no bone or via ring presses."""
         path, positions, reach = sharp_turns(paths)
         reach += self._standoff
         for name, bone in self._shapes.items():

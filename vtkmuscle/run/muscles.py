@@ -17,16 +17,7 @@ from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import (
-    add_arrays,
-    cell_array,
-    field_array,
-    point_array,
-    points_of,
-    polylines_of,
-    shallow_copy,
-    with_points,
-)
+from vtkmuscle.data import arrays
 from vtkmuscle.data.attachments import VIA
 from vtkmuscle.data.paths import PATH_STEPS, SAG, SQUEEZED, UNSETTLED, path_lines_of, paths_of
 from vtkmuscle.filters.base.algorithm import AbortedError
@@ -103,7 +94,9 @@ class MuscleRun:
         self._report_progress("fixed points", 0.0)
         with self._timed("fixing", pipeline.fixed):
             rest = track.rest = pipeline.fixed.update().output
-        _warn_if_none_is_free(self.name, rest)
+        if (fixed := arrays.point_array(rest, "FixedTo", f"muscles.{self.name}") >= 0).all():
+            words = f"muscles.{self.name}: all {len(fixed)} points are fixed to bones, and no point is "
+            warnings.warn(f"{words}deformed; check fixing (method, tolerance) and the areas", stacklevel=2)
         with self._timed("measuring"):
             measure = MuscleMeasure(rest, list(scene.bones), self.run.bones, scene.millimetres)
         confidence = [area.confidence for area in areas if area.confidence is not None]
@@ -114,7 +107,11 @@ class MuscleRun:
         }
         if pipeline.fibres is not None:
             self._fill(rest, pipeline.fibres, measure)
-        track.report |= {"parameters": self._parameters(pipeline), "frames": []}
+        stages = {"paths": pipeline.taut_paths, "solver": pipeline.deformer, "fixing": pipeline.fixed}
+        parameters = {name: stage.parameters() for name, stage in stages.items() if stage is not None}
+        fibres = scene.muscles[self.name].fibres
+        parameters["fibres"] = None if fibres is None else dict(fibres)
+        track.report |= {"parameters": parameters, "frames": []}
         self.run.checked.wait()
         for number in self.run.numbers:
             self._report_progress("pulling paths" if self.deformer is None else "deforming", number / last)
@@ -140,21 +137,13 @@ class MuscleRun:
             self._report_progress("pulling paths" if deformer is None else "deforming", number / last)
             now = float(self.scene.motion.times[number])
             if deformer is not None:
-                track.surfaces.append(shallow_copy(deformer.update(time=now).output))
+                track.surfaces.append(arrays.shallow_copy(deformer.update(time=now).output))
                 continue
             paths = None if taut is None else path_lines_of(taut.update(time=now).output, self.name)
             if paths is None:
                 raise InputError(f"muscles.{self.name}", "the muscle has no paths", "add fibres")
             track.add_lengths(paths.data, self.scene.millimetres)
         self._report_progress("done", 1.0)
-
-    def _parameters(self, pipeline: MusclePipeline) -> dict[str, Any]:
-        fibres = self.scene.muscles[self.name].fibres
-        stages = {"paths": pipeline.taut_paths, "solver": pipeline.deformer, "fixing": pipeline.fixed}
-        return {
-            **{name: stage.parameters() for name, stage in stages.items() if stage is not None},
-            "fibres": None if fibres is None else dict(fibres),
-        }
 
     def _fill(self, rest: vtkPolyData, source: Filter, measure: MuscleMeasure) -> None:
         """Fill the muscle with fibres, measured at rest."""
@@ -163,7 +152,7 @@ class MuscleRun:
         with self._timed("fibres", source):
             fibres = track.rest_fibres = source.update().output
         with self._timed("measuring"):
-            lines = polylines_of(fibres, "fibres")
+            lines = arrays.polylines_of(fibres, "fibres")
             measure.take_fibres_at_rest(lines.points, lines.offsets)
             own, sheets = scene.muscles[self.name], scene.aponeuroses_data(self.name)
             areas, known_as = scene.attachments_data(self.name), own.muscle or self.name
@@ -184,8 +173,11 @@ class MuscleRun:
             try:
                 with self._timed("deforming", pipeline.deformer) as took:
                     deformed = pipeline.deformer.update(time=now).output
-                points = points_of(deformed)
-                _check_finite(points, number)
+                points = arrays.points_of(deformed)
+                if not np.isfinite(points).all():
+                    remedy = "lower the stiffnesses, or use smaller steps"
+                    problem = "the deformed muscle has coordinates that are not finite"
+                    raise InputError(f"frame {number}", problem, remedy)
             except ValueError as error:
                 # In the first frame the input is wrong; later the muscle has gone astray.
                 if number == 0:
@@ -195,7 +187,7 @@ class MuscleRun:
         if pipeline.metrics is not None:
             stage = "pulling paths" if deformed is None else "carrying fibres"
             with self._timed(stage, pipeline.metrics) as carried:
-                fibres = shallow_copy(pipeline.metrics.update(time=now).output)
+                fibres = arrays.shallow_copy(pipeline.metrics.update(time=now).output)
         with self._timed("measuring"):
             depths = None if fibres is None else _add_penetration(fibres, measure, transforms)
             paths = None if fibres is None else paths_of(fibres, "fibres")
@@ -209,7 +201,7 @@ class MuscleRun:
             row |= _settling(pipeline)
             row |= measure.frame(points, transforms)
             if fibres is not None:
-                lines = polylines_of(fibres, "fibres")
+                lines = arrays.polylines_of(fibres, "fibres")
                 row |= measure.fibres(lines.points, lines.offsets, points, depths)
                 row["ms_fibres"] = 1000.0 * carried()
         if self.scene.muscle_contact != "off":
@@ -226,14 +218,14 @@ class MuscleRun:
             with self._timed("writing"):
                 kept = self.run.store.write_frame(self.name, number, deformed, fibres)
         else:
-            kept = deformed and with_points(self.track.rest, points_of(deformed)), fibres
+            kept = deformed and arrays.with_points(self.track.rest, arrays.points_of(deformed)), fibres
         for frames, frame in zip((self.track.surfaces, self.track.fibres), kept, strict=True):
             if frame is not None:
                 frames.append(frame)
         if fibres is not None:
             for name in (SQUEEZED, SAG):
                 if fibres.GetCellData().HasArray(name):
-                    depth = float(np.percentile(cell_array(fibres, name, "fibres"), 95))
+                    depth = float(np.percentile(arrays.cell_array(fibres, name, "fibres"), 95))
                     row[f"{name.lower()}_p95_mm"] = depth * self.scene.millimetres
             self.track.add_lengths(fibres, self.scene.millimetres)
             measures = measures_of_fibres(fibres, self.scene.millimetres)
@@ -248,13 +240,12 @@ class MuscleRun:
         motion = self.scene.motion.part(self.run.numbers[: len(rows)]) if rows else None
         history = None
         if track.fibre_lengths and track.rest_fibres is not None and motion is not None:
-            rest = polylines_of(track.rest_fibres, "fibres")
+            rest = arrays.polylines_of(track.rest_fibres, "fibres")
             rest_lengths = polyline_lengths(rest.points, rest.offsets) * self.scene.millimetres
             paths = np.array(track.lengths) if track.lengths else None
             history = FibreHistory(np.array(track.fibre_lengths), rest_lengths, track.report["fibres"], paths)
-        track.report["verdict"] = judge(
-            rows, history, motion=motion, n_edges=measure.n_edges, size=measure.size, failure=track.failure
-        )
+        sizes: dict[str, Any] = {"n_edges": measure.n_edges, "size": measure.size}
+        track.report["verdict"] = judge(rows, history, motion=motion, failure=track.failure, **sizes)
 
     def _deformers(self) -> dict[str, PathDeformer | PBDDeformer]:
         """Return the deformers of other muscles without failure."""
@@ -270,10 +261,8 @@ class MuscleRun:
     def _timed(self, stage: str, last: Filter | None = None) -> Iterator[Callable[[], float]]:
         """Add the time to a stage, whose filters the stop flag aborts; yield a function for the time."""
         before = after = self.clock()
-        observed = [
-            (one, one.AddObserver("ProgressEvent", self._on_progress))
-            for one in (() if last is None else upstream(last))
-        ]
+        chain = () if last is None else upstream(last)
+        observed = [(each, each.AddObserver("ProgressEvent", self._on_progress)) for each in chain]
         try:
             yield lambda: after - before
         finally:
@@ -310,21 +299,12 @@ def muscle_pipeline(
     muscle, motion = scene.muscles[name], scene.motion
     if muscle.crosses is not None:  # nobody asks for moment arms by others
         motion = motion.by([one for one in motion.coordinates if one in muscle.crosses])
-    return MusclePipeline(
-        muscle.surface,
-        scene.bones_data(),  # one per muscle: threads must not share what VTK writes to
-        motion,
-        scene.attachments_data(name),
-        superficial=muscle.superficial_fibres,
-        aponeuroses=scene.aponeuroses_data(name),
-        neighbours=neighbours,
-        deformer=scene.deformer,
-        quality=scene.quality,
-        fixing=scene.fixing_of(name),
-        fibres=muscle.fibres,
-        paths=scene.paths,
-        solver=None if scene.deformer == "none" else scene.solver_of(name),
-    )
+    solver = None if scene.deformer == "none" else scene.solver_of(name)
+    settings: dict[str, Any] = {key: getattr(scene, key) for key in ("deformer", "quality", "paths")}
+    settings |= {"fibres": muscle.fibres, "fixing": scene.fixing_of(name), "solver": solver}
+    settings |= {"superficial": muscle.superficial_fibres, "aponeuroses": scene.aponeuroses_data(name)}
+    bones, areas = scene.bones_data(), scene.attachments_data(name)  # each muscle's own: VTK writes to them
+    return MusclePipeline(muscle.surface, bones, motion, areas, neighbours=neighbours, **settings)
 
 
 def _settling(pipeline: MusclePipeline) -> dict[str, int]:
@@ -332,32 +312,16 @@ def _settling(pipeline: MusclePipeline) -> dict[str, int]:
     if pipeline.taut_paths is None:
         return {}
     output = pipeline.taut_paths.GetOutputDataObject(0)
-    values = {name: field_array(output, of) for name, of in _SETTLING.items()}
+    values = {name: arrays.field_array(output, of) for name, of in _SETTLING.items()}
     return {name: int(value[0]) for name, value in values.items() if value is not None}
-
-
-def _check_finite(points: Floats, number: int) -> None:
-    if not np.isfinite(points).all():
-        problem = "the deformed muscle has coordinates that are not finite"
-        raise InputError(f"frame {number}", problem, "lower the stiffnesses, or use smaller steps")
-
-
-def _warn_if_none_is_free(name: str, muscle: vtkPolyData) -> None:
-    fixed = point_array(muscle, "FixedTo", f"muscles.{name}") >= 0
-    if fixed.all():
-        warnings.warn(
-            f"muscles.{name}: all {len(fixed)} points are fixed to bones, and no point is "
-            "deformed; check fixing (method, tolerance) and the areas",
-            stacklevel=2,
-        )
 
 
 def _add_penetration(
     fibres: vtkPolyData, measure: MuscleMeasure, transforms: Mapping[str, Any]
 ) -> Floats | None:
     """Add the depth of each fibre in bones as ``Penetration``; return the depths of points, or None."""
-    lines = polylines_of(fibres, "fibres")
+    lines = arrays.polylines_of(fibres, "fibres")
     depths = measure.depths(lines.points, transforms)
     if depths is not None:
-        add_arrays(fibres, cells={"Penetration": np.maximum.reduceat(depths, lines.offsets[:-1])})
+        arrays.add_arrays(fibres, cells={"Penetration": np.maximum.reduceat(depths, lines.offsets[:-1])})
     return depths

@@ -22,9 +22,9 @@ from typing import TYPE_CHECKING, Any, Self
 from vtkmuscle.core.machine import is_python, processors
 from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.data.arrays import points_of, with_points
-from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.io.children import child_context, interrupts_blocked
 from vtkmuscle.plotting.drawing import FigureOrder
+from vtkmuscle.plotting.views import DrawnBones
 from vtkmuscle.run.frames import Frames, MuscleTrack, RunOptions
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
 from vtkmuscle.scene.data import SceneData
@@ -37,11 +37,7 @@ ENDED = "a worker process ended early: killed, or out of memory; use fewer worke
 
 
 def pool_size(scene: SceneData, workers: int | None) -> int:
-    """Return the number of processes for a scene.
-
-    At most ``workers``, by default the number of processors. Muscles that may meet share filters, so such
-    muscles stay in a single process. ParaView stays in a single process too.
-    """
+    """Return the number of processes for a scene."""
     if scene.muscle_contact != "off" or not is_python():
         return 1
     return min(processors() if workers is None else workers, len(scene.muscles))
@@ -67,9 +63,8 @@ class Pool:
         given = self._file("run", (run.scene, run.numbers, run.store, run.options.clock, run.only))
         self._bones = Path(self._files.name, "bones")
         self._solvers = ProcessPoolExecutor(size, context, _begin, (given, self._messages, self.checked))
-        self._drawers = ProcessPoolExecutor(
-            max(size // 2, 1), context, _begin_drawing, (self._bones, self._messages)
-        )
+        drawing = self._bones, self._messages
+        self._drawers = ProcessPoolExecutor(max(size // 2, 1), context, _begin_drawing, drawing)
 
     def __enter__(self) -> Self:
         return self

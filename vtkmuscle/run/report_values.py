@@ -3,32 +3,23 @@
 from __future__ import annotations
 
 import platform
-import tomllib
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.fibres.measures import (
-    TENDON_AREA,
-    TENDON_AREAS,
-    Fascicles,
-    area_profile,
-    arrangement,
-    fascicles,
-)
+from vtkmuscle.core.fibres import measures as of_fibres
 from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.anatomy import PERSONAL, Published, published
+from vtkmuscle.data import toml_table
+from vtkmuscle.data.anatomy import PERSONAL, published
 from vtkmuscle.data.arrays import Polylines, checked_surface, field_array, points_of, polylines_of
 from vtkmuscle.data.attachments import aponeuroses_of
-from vtkmuscle.data.end_surfaces import aponeurosis_surfaces
-from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, aponeurosis_surfaces, muscle_geometry
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.io.fibre_table import fibre_summary, muscle_summary, spread
 from vtkmuscle.run.table import Table
@@ -39,14 +30,9 @@ OPTIMAL_SARCOMERE = 2.7
 #: Positions in the muscle by which the curve through its middle is found.
 SAMPLES = 4096
 
-#: Quantities of :func:`vtkmuscle.io.muscle_summary`, their keys in a report, and their powers of length.
-ARCHITECTURE = {
-    "MuscleVolume": ("muscle_volume_mm3", 3),
-    "PCSA": ("pcsa_mm2", 2),
-    "PCSALine": ("pcsa_along_line_of_action_mm2", 2),
-    "LineOfAction": ("line_of_action", 0),
-    "CentroidPathLength": ("centroid_path_length_mm", 1),
-}
+#: Measures in reports and tables: architecture, with powers of length; columns of its table; fibres.
+MEASURES = toml_table("vtkmuscle.run", "measures.toml")
+FIBRE_MEASURES: Mapping[str, str] = MEASURES["fibres"]
 
 
 def architecture_of(
@@ -66,39 +52,24 @@ def architecture_of(
     metrics = FibreMetrics(architecture=True)
     summary = muscle_summary(metrics(fibres, muscle, attachments))
     result: dict[str, Any] = {}
-    for array, (key, power) in ARCHITECTURE.items():
+    for array, (key, power) in MEASURES["architecture"].items():
         found, scale = summary[array], millimetres**power
         result[key] = found if isinstance(found, list) else found * scale
-    given = hill or {}
-    tendon, known = given.get("tendon_slack_length"), published(name, "fibre_to_path")
-    result |= _without_tendon(fibres, muscle, aponeuroses, millimetres, tendon, known)
-    if "sarcomere_length" in given:
-        ratio = OPTIMAL_SARCOMERE / given["sarcomere_length"]
-        result["fascicle_length_normalised_mm"] = ratio * result["fascicle_length_mm"]["mean"]
-    return result
-
-
-def _without_tendon(
-    fibres: vtkPolyData,
-    muscle: vtkPolyData,
-    aponeuroses: vtkMultiBlockDataSet | None,
-    millimetres: float,
-    tendon: float | None,
-    ratio: Published | None,
-) -> dict[str, Any]:
+    tendon, sarcomere = ((hill or {}).get(key) for key in ("tendon_slack_length", "sarcomere_length"))
+    ratio = published(name, "fibre_to_path")
     lines, geometry = polylines_of(fibres, "fibres"), muscle_geometry(muscle, "muscle")
     surface = geometry.points, geometry.triangles
     volume = abs(signed_volume(*surface))
-    profile = area_profile(*surface, geometry.samples(SAMPLES), lines.points, lines.offsets)
-    shares = TENDON_AREA, *TENDON_AREAS
-    found, *ends = fascicles(profile, volume, lines.points, lines.offsets, shares=shares)
+    profile = of_fibres.area_profile(*surface, geometry.samples(SAMPLES), lines.points, lines.offsets)
+    shares = of_fibres.TENDON_AREA, *of_fibres.TENDON_AREAS
+    found, *ends = of_fibres.fascicles(profile, volume, lines.points, lines.offsets, shares=shares)
     whole = polyline_lengths(lines.points, lines.offsets)
     source, lengths, by_thickness = "estimate", found.lengths, found.lengths.mean()
     of_ends = [one.lengths for one in ends]
     if aponeuroses is not None:
         source, lengths, of_ends = "aponeuroses", whole, [whole, whole]
         origin, insertion = _pennations(lines, aponeuroses, geometry)
-        found, *ends = (Fascicles(whole, origin, insertion, one.volume) for one in (found, *ends))
+        found, *ends = (of_fibres.Fascicles(whole, origin, insertion, one.volume) for one in (found, *ends))
     elif tendon is not None and tendon < whole.min():
         source, lengths = "scene", whole - tendon
         of_ends = [lengths, lengths]
@@ -107,7 +78,7 @@ def _without_tendon(
         of_ends = [ratio.low / PERSONAL * whole, ratio.high * PERSONAL * whole]
         ends = [found, found]
     square = millimetres**2
-    return {
+    result |= {
         "tendon_from": source,
         "tendon_length_mm": float((whole - lengths).mean()) * millimetres,
         "fascicle_length_mm": spread(lengths * millimetres),
@@ -122,6 +93,10 @@ def _without_tendon(
             one.cross_section(each) * square for one, each in zip(ends, of_ends, strict=True)
         ),
     }
+    if sarcomere is not None:
+        normalised = OPTIMAL_SARCOMERE / sarcomere * result["fascicle_length_mm"]["mean"]
+        result["fascicle_length_normalised_mm"] = normalised
+    return result
 
 
 def _pennations(
@@ -138,43 +113,20 @@ def _pennations(
     ]
 
 
-#: Columns of the table of architecture, with the keys of a report where these differ.
-_COLUMNS = {
-    name: {"volume_mm3": "muscle_volume_mm3", "tendon_volume_share_1": "tendon_volume_share"}.get(name, name)
-    for name in (
-        *("tendon_from", "volume_mm3", "pcsa_mm2", "tendon_length_mm", "fascicle_length_mm"),
-        *("fascicle_length_by_thickness_mm", "fascicle_pennation_origin_deg"),
-        *("fascicle_pennation_insertion_deg", "tendon_volume_share_1", "volume_without_tendon_mm3"),
-        "pcsa_without_tendon_mm2",
-    )
-}
-
-
 def architecture_table(muscles: Mapping[str, Mapping[str, Any]]) -> Table:
     """Return the architecture table of a report. A row per muscle with fibres."""
+    columns = MEASURES["columns"]
     known = {name: muscle["architecture"] for name, muscle in muscles.items() if "architecture" in muscle}
-    rows = ([name, *(values[key] for key in _COLUMNS.values())] for name, values in known.items())
+    rows = ([name, *(values[key] for key in columns.values())] for name, values in known.items())
     means = ([each["mean"] if isinstance(each, Mapping) else each for each in row] for row in rows)
-    return Table(("muscle", *_COLUMNS), means)
+    return Table(("muscle", *columns), means)
 
 
 #: A fibre point counts as inside its muscle up to this far outside [mm].
 FIBRE_TOLERANCE = 0.5
 
 #: Definitions of the numbers of a report by their keys; part of every report.
-DEFINITIONS: Mapping[str, str] = tomllib.loads(
-    (files("vtkmuscle.run") / "definitions.toml").read_text(encoding="utf-8")
-)
-
-#: Cell arrays of FibreMetrics, and their names in reports and tables.
-FIBRE_MEASURES = {
-    "Length": "length_mm",
-    "Strain": "strain",
-    "PennationOrigin": "pennation_origin_deg",
-    "PennationInsertion": "pennation_insertion_deg",
-    "Tortuosity": "tortuosity",
-    "Penetration": "penetration_mm",
-}
+DEFINITIONS: Mapping[str, str] = toml_table("vtkmuscle.run", "definitions.toml")
 
 _PACKAGES = ("vtkmuscle", "numpy", "scipy", "numba", "vtk", "pyvista")
 
@@ -185,12 +137,12 @@ def versions() -> dict[str, str]:
     return found | {package: version_of(package) for package in _PACKAGES}
 
 
-def version_of(package: str) -> str:
+def version_of(package: str, otherwise: str = "unknown") -> str:
     """Return the version of a package."""
     try:
         return version(package)
     except PackageNotFoundError:  # e.g. VTK built from source, as in ParaView
-        return "unknown"
+        return otherwise
 
 
 def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float) -> dict[str, Any]:
@@ -200,7 +152,7 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
     inside = int((outside <= FIBRE_TOLERANCE).sum())
     lines, geometry = polylines_of(fibres, "fibres"), muscle_geometry(muscle, "muscle")
     volume = signed_volume(geometry.points, geometry.triangles)
-    found = arrangement(lines.points, lines.offsets, geometry.samples(SAMPLES), volume)
+    found = of_fibres.arrangement(lines.points, lines.offsets, geometry.samples(SAMPLES), volume)
     angle = field_array(fibres, "SuperficialAngle")
     return {
         "fibres": fibres.GetNumberOfCells(),
@@ -219,11 +171,9 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
 def measures_of_fibres(fibres: vtkPolyData, millimetres: float) -> dict[str, dict[str, float]]:
     """Return mean, standard deviation, least and largest of each measure of FibreMetrics in a frame."""
     summary = fibre_summary(fibres)
-    return {
-        name: {word: value * _scale(name, millimetres) for word, value in found.items()}
-        for array, name in FIBRE_MEASURES.items()
-        if (found := summary.get(array)) is not None
-    }
+    known = {name: summary[array] for array, name in FIBRE_MEASURES.items() if array in summary}
+    scales = {name: _scale(name, millimetres) for name in known}
+    return {name: {word: scales[name] * x for word, x in own.items()} for name, own in known.items()}
 
 
 def _scale(name: str, millimetres: float) -> float:

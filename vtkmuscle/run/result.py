@@ -13,7 +13,7 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.words import Remedies, suggestion
+from vtkmuscle.core.words import Remedies
 from vtkmuscle.plotting.drawing import html_picture
 from vtkmuscle.run.result_data import ResultData
 from vtkmuscle.run.store import ResultFolder
@@ -260,11 +260,8 @@ class MuscleResult(Remedies):
     """
 
     def __init__(self, result: Result, name: str) -> None:
-        if name not in result.muscle_names:
-            known = suggestion(name, result.muscle_names) if isinstance(name, str) else "give a muscle's name"
-            raise InputError("", f"there is no muscle {name!r} in the result", known)
-        self._result, self.name = result, name
-        self.verdict = result.verdicts[name]
+        result.track(name)  # ValueError for an unknown name
+        self._result, self.name, self.verdict = result, name, result.verdicts[name]
         self.reasons = tuple(one["says"] for one in result.report["muscles"][name]["verdict"]["reasons"])
 
     @property
@@ -311,15 +308,13 @@ class MuscleResult(Remedies):
         return self._result.plot(muscles=self.name, **options)
 
     def __repr__(self) -> str:
-        known = self._result.fibre_lengths.get(self.name)
-        words = ""
-        if known is not None:
-            mean = known.mean(axis=1)
-            words = f"; {known.shape[1]} fibres, {mean.min():.1f} to {mean.max():.1f} mm"
+        words, lengths = "", self._result.fibre_lengths.get(self.name)
+        if lengths is not None:
+            mean = lengths.mean(axis=1)
+            words = f"; {lengths.shape[1]} fibres, {mean.min():.1f} to {mean.max():.1f} mm"
         return f"MuscleResult({self.name!r}: {self.verdict}{words})"
 
-    def _of(self, known: Mapping[str, One], what: str) -> One:
-        found = known.get(self.name)
-        if found is None:
+    def _of(self, by_muscle: Mapping[str, One], what: str) -> One:
+        if by_muscle.get(self.name) is None:
             raise InputError("", f"{self.name!r} has no {what}", "give it fibres")
-        return found
+        return by_muscle[self.name]

@@ -18,13 +18,13 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import ByName, suggestion
 from vtkmuscle.data.arrays import points_of, with_points
-from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.data.paths import Paths, paths_of
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, in_words, read_literature
+from vtkmuscle.plotting.views import DrawnBones
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.report_values import architecture_table, fibre_table
-from vtkmuscle.run.table import MomentArmTable, Table, length_table
+from vtkmuscle.run.table import MomentArmTable, Table, length_table, optional_package
 from vtkmuscle.scene.data import MILLIMETRES
 
 
@@ -170,8 +170,9 @@ class ResultData(ByName):
 
     def track(self, name: str) -> MuscleTrack:
         """Return the frames and numbers of a muscle."""
-        if name not in self._tracks:
-            raise InputError("", f"there is no muscle {name!r} in the result", suggestion(name, self._tracks))
+        if name not in self.muscle_names:
+            named = suggestion(name, self._tracks) if isinstance(name, str) else "give a muscle's name"
+            raise InputError("", f"there is no muscle {name!r} in the result", named)
         return self._tracks[name]
 
     def _position(self, frame: int | None, time: float | None) -> int:
@@ -182,13 +183,13 @@ class ResultData(ByName):
             if -len(self.frames) <= frame < 0:
                 return len(self.frames) + frame
             if frame not in self.frames:
-                raise InputError("", f"frame {frame} was not kept", f"there are {_listed(self.frames)}")
+                raise InputError("", f"frame {frame} was not kept", _listed(self.frames))
             return self.frames.index(frame)
         away = np.abs(np.array(self.times) - float(time))  # type: ignore[arg-type]
         nearest = int(np.argmin(away))
         steps = np.abs(np.diff(self.times))[max(nearest - 1, 0) : nearest + 1]
         if not away[nearest] <= max(0.5 * steps.max(initial=0.0), 1e-9 * abs(self.times[nearest])):
-            raise InputError("", f"no frame of time {time:g} was kept", f"there are {_listed(self.times)}")
+            raise InputError("", f"no frame of time {time:g} was kept", _listed(self.times))
         return nearest
 
     def _check_finished(self, name: str, i: int) -> None:
@@ -240,12 +241,11 @@ class ResultData(ByName):
             if len(lengths) < len(self.frames) or (crossed is not None and useful.isdisjoint(crossed)):
                 continue
             try:
-                track, scale = self.track(name), MILLIMETRES[self.units]
+                track = self.track(name)
                 if coordinates not in track.arms:
-                    levers, ratios = track.levers(), track.ratios
-                    track.arms[coordinates] = joint_arms(
-                        lengths, levers, motion, wanted, crossed=crossed, ratios=ratios, millimetres=scale
-                    )
+                    options: dict[str, Any] = {"crossed": crossed, "ratios": track.ratios}
+                    options["millimetres"] = MILLIMETRES[self.units]
+                    track.arms[coordinates] = joint_arms(lengths, track.levers(), motion, wanted, **options)
                 arms[name], without = track.arms[coordinates]
             except InputError as error:  # of this muscle alone, where others cross other coordinates
                 problems.append(error)
@@ -322,29 +322,22 @@ class ResultData(ByName):
         >>> data = scene.run(frames="0:3").to_xarray()  # doctest: +SKIP
         >>> data["moment_arm_mm"].sel(muscle="spindle").mean("fibre").plot()  # doctest: +SKIP
         """
-        try:
-            import xarray  # noqa: PLC0415 -- an extra
-        except ImportError as error:
-            raise ImportError("a Dataset needs xarray: python -m pip install xarray") from error
+        xarray = optional_package("xarray", "a Dataset")
         tables = {"length_mm": self.length_table(), "fibre_length_mm": self.fibre_length_table()}
         axes = ("muscle", "coordinate", "fibre", "frame")
-        if arms := self.all_arms:
-            kept = np.array(self.frames)
-            parts = (
-                (muscle, name, np.arange(each.arms.shape[1]), kept[each.frames, None], each.arms)
-                for muscle, of_muscle in arms.items()
-                for name, each in of_muscle.items()
-            )
+        if self.has_moment_arms:
+            arms = self.moment_arms()
+            kept, parts = np.array(self.frames), []
             columns = (*axes, "moment_arm_mm")
-            rows = (dict(zip(columns, part, strict=True)) for part in parts)
-            tables["moment_arm_mm"] = Table.stacked(columns, rows)
-        cubes = {
-            name: table.to_frame().set_index([axis for axis in axes if axis in table])
-            for name, table in tables.items()
-        }
-        data = xarray.Dataset(
-            {name: cube[name.removeprefix("fibre_")].to_xarray() for name, cube in cubes.items()}
-        )
+            for labels, each in arms.labelled():
+                fibres = np.arange(each.arms.shape[1])
+                own = {"fibre": fibres, "frame": kept[each.frames, None], "moment_arm_mm": each.arms}
+                parts.append(labels | own)
+            tables["moment_arm_mm"] = Table.stacked(columns, parts)
+        data = xarray.Dataset()
+        for name, table in tables.items():
+            cube = table.to_frame().set_index([axis for axis in axes if axis in table])
+            data = data.merge({name: cube[name.removeprefix("fibre_")].to_xarray()})
         times = dict(zip(self.frames, self.times, strict=True))
         return data.assign_coords(time=("frame", [times[frame] for frame in data["frame"].values]))
 
@@ -381,7 +374,7 @@ def _wrapped(data: vtkDataObject) -> Any:
 def _listed(values: Sequence[float]) -> str:
     """Return the first and last of some numbers in words."""
     words = [f"{value:g}" for value in values]
-    return ", ".join(words if len(words) <= 6 else [*words[:3], "...", *words[-2:]])
+    return f"there are {', '.join(words if len(words) <= 6 else [*words[:3], '...', *words[-2:]])}"
 
 
 def time_label(motion: RigidMotion) -> str:

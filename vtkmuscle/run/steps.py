@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import fields, replace
 from functools import partial
 from os import PathLike
@@ -17,20 +17,19 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, check_name, fault_of
 from vtkmuscle.core.mesh.shared import keep_shared
-from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.io.temporal import Series
 from vtkmuscle.io.writing import Outputs, file_digest
+from vtkmuscle.plotting.views import DrawnBones
 from vtkmuscle.run.figures import Drawing, figures_of_muscle, rest_pose_of
 from vtkmuscle.run.frames import FrameChoice, MuscleTrack, Progress, RunOptions, frame_numbers
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
-from vtkmuscle.run.plausible import Judged, further_reasons, missing_checks
 from vtkmuscle.run.pool import ENDED, Pool, pool_size, track_in
 from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.store import FORMAT, PAGE
 from vtkmuscle.run.store.writing import DIGITS, ResultWriter, claimed, remove_results, scene_file
 from vtkmuscle.run.table import MomentArmTable, Table, error_sizes
-from vtkmuscle.run.verdict import with_reasons
+from vtkmuscle.run.verdict import Judged, further_reasons, missing_checks, with_reasons
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense import check_sense
@@ -60,10 +59,8 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
         odd = check_sense(scene) if options.sense else []
         if store is not None:
             stack.enter_context(claimed(store.path, scene, overwrite=options.overwrite))
-        report = _first_report(run, tracks) | {
-            "taken_over": list(tracks),
-            "sense": [str(error) for error in odd],
-        }
+        own = {"taken_over": list(tracks), "sense": [str(error) for error in odd]}
+        report = _first_report(run, tracks) | own
         result_of = partial(_result, run, report, bones := DrawnBones(scene.bones_data()))
         with _reported(store, report, tracks, result_of):
             drawing = None
@@ -88,13 +85,15 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
                     drawing.add([rest_pose_of(result.plain())])
                 _write_tables(store, result)
                 if options.report:
-                    _write_page(store, result, report)
+                    before = time.perf_counter()
+                    result.write_report(store.path / PAGE)
+                    report["seconds"]["page"] = time.perf_counter() - before
                 if drawing is not None:
                     report["figures"], report["seconds"]["figures"] = drawing.finish()
             report["complete"] = True
             report["seconds"]["total"] = time.perf_counter() - began
             if store is not None:
-                store.complete(report, scene, tracks)
+                store.complete(result, scene.bones)
     return result
 
 
@@ -153,45 +152,38 @@ def run_only(
     """
     if what not in ONLY:
         raise InputError("", f"only is {what!r}, but must be one of {', '.join(map(repr, ONLY))}")
-    if what != "surfaces":
-        scene = _of_paths(scene)
+    if what != "surfaces":  # paths alone
+        fields_of = {field.name: getattr(scene, field.name) for field in fields(SceneData)}
+        quality = None if scene.quality == "published" else scene.quality
+        muscles = {name: replace(muscle, aponeuroses=()) for name, muscle in scene.muscles.items()}
+        changed = {"deformer": "none", "quality": quality, "muscle_contact": "off", "muscles": muscles}
+        scene = SceneData(**fields_of | changed)
     elif scene.deformer == "none":
         raise InputError("deformer", "it is 'none', so there are no surfaces", "use 'paths' or 'pbd'")
     outputs = None if out is None else Outputs(Path(out), inputs=scene.files, overwrite=overwrite)
-    if outputs is not None:
-        for name in [f"{name}.pvd" for name in scene.muscles] if what == "surfaces" else [f"{what}.csv"]:
+    for name in [f"{name}.pvd" for name in scene.muscles] if what == "surfaces" else [f"{what}.csv"]:
+        if outputs is not None:
             outputs.check(outputs.folder / name)
     numbers = frame_numbers(frames, len(scene.motion.times))
     run = SceneRun(scene, numbers, None, RunOptions(workers=workers, progress=progress), what)
     report, tracks = _first_report(run, {}), Tracks()
     with ExitStack() as stack:
         _solve(run, tracks, report, *_started(run, tracks, stack))
-    with outputs or nullcontext():
-        if what == "surfaces":
-            surfaces = {name: list(track.surfaces) for name, track in tracks.items()}
-            if outputs is not None:
-                for name, frames_of in surfaces.items():
-                    series = Series(outputs.folder, name)
-                    for number, surface in zip(numbers, frames_of, strict=True):
-                        series.add(number, float(scene.motion.times[number]), surface)
-            return surfaces
-        result = _result(run, report, DrawnBones(scene.bones_data()), tracks)
+    result = _result(run, report, DrawnBones(scene.bones_data()), tracks)
+    if what != "surfaces":
         table = result.length_table() if what == "lengths" else result.moment_arms().table()
         if outputs is not None:
-            table.to_csv(outputs.folder / f"{what}.csv", digits=None if what == "lengths" else DIGITS)
-    return table
-
-
-def _of_paths(scene: SceneData) -> SceneData:
-    """Return a scene of the same paths without deformed muscles."""
-    paths = SceneData(**{field.name: getattr(scene, field.name) for field in fields(SceneData)})
-    return replace(
-        paths,
-        deformer="none",
-        quality=None if scene.quality == "published" else scene.quality,
-        muscle_contact="off",
-        muscles={name: replace(muscle, aponeuroses=()) for name, muscle in scene.muscles.items()},
-    )
+            with outputs:
+                table.to_csv(outputs.folder / f"{what}.csv", digits=None if what == "lengths" else DIGITS)
+        return table
+    surfaces = {name: list(track.surfaces) for name, track in tracks.items()}
+    if outputs is not None:
+        with outputs:
+            for name, frames_of in surfaces.items():
+                series = Series(outputs.folder, name)
+                for number, at, surface in zip(numbers, result.times, frames_of, strict=True):
+                    series.add(number, at, surface)
+    return surfaces
 
 
 #: Muscles that processes solve, by their jobs.
@@ -222,10 +214,18 @@ def _solve(
         finish(name, track)
     names = [name for name in run.scene.muscles if name not in tracks]
     here = ThreadPoolExecutor(1, "muscles")  # VTK loses a Ctrl-C in the main thread
+    others: list[MuscleRun] = []
+
+    def solve(name: str) -> MuscleTrack:
+        """Solve a muscle in this process; later muscles may meet it."""
+        muscle = MuscleRun(run, name, MuscleTrack(), tuple(others))
+        muscle.go()
+        others.extend([muscle] * (run.scene.muscle_contact != "off"))
+        return muscle.track
+
     try:
         if pool is None:
-            others: list[MuscleRun] = []
-            jobs = {here.submit(_solve_here, run, name, others): name for name in names}
+            jobs = {here.submit(solve, name): name for name in names}
         waiting: set[Future[Any]] = set(jobs)
         if run.store is not None:
             waiting.add(here.submit(run.store.write_bones, run.scene, run.stop))
@@ -236,8 +236,7 @@ def _solve(
             for job in done.difference(jobs):
                 job.result()  # of the bones
             for job in sorted(done.intersection(jobs), key=lambda job: names.index(jobs[job])):
-                found = _outcome(job, name := jobs[job], run.scene)
-                track = tracks[name] = track_in(found) if isinstance(found, Path) else found
+                track = tracks[name] = _outcome(job, name := jobs[job], run.scene)
                 report["muscles"][name] = track.report
                 finish(name, track)
     finally:
@@ -248,19 +247,11 @@ def _solve(
     report["seconds"] = {"muscles": time.perf_counter() - began}
 
 
-def _solve_here(run: SceneRun, name: str, others: list[MuscleRun]) -> MuscleTrack:
-    """Solve a muscle in this process, and add the muscle to ``others`` if later muscles may meet it."""
-    muscle = MuscleRun(run, name, MuscleTrack(), tuple(others))
-    muscle.go()
-    if run.scene.muscle_contact != "off":
-        others.append(muscle)
-    return muscle.track
-
-
-def _outcome(job: Future[Any], name: str, scene: SceneData) -> Any:
+def _outcome(job: Future[Any], name: str, scene: SceneData) -> MuscleTrack:
     """Return the result of a muscle's job. Faulty input raises a SceneError with the name of the muscle."""
     try:
-        return job.result()
+        solved = job.result()
+        return track_in(solved) if isinstance(solved, Path) else solved
     except BrokenProcessPool as error:
         raise ChildProcessError(ENDED) from error
     except SceneError:
@@ -302,23 +293,11 @@ def _write_tables(store: ResultWriter, result: Result) -> None:
         store.write_table(f"{name}_fibres", table)
 
 
-def _write_page(store: ResultWriter, result: Result, report: dict[str, Any]) -> None:
-    before = time.perf_counter()
-    result.write_report(store.path / PAGE)
-    report["seconds"]["page"] = time.perf_counter() - before
-
-
 def _result(run: SceneRun, report: dict[str, Any], drawn_bones: DrawnBones, tracks: Tracks) -> Result:
-    scene = run.scene
-    return Result(
-        scene.bones_data(),
-        scene.motion,
-        tracks,
-        report,
-        literature={name: muscle.literature for name, muscle in scene.muscles.items()},
-        crosses={name: one.crosses for name, one in scene.muscles.items() if one.crosses is not None},
-        drawn_bones=drawn_bones,
-    )
+    scene, muscles = run.scene, run.scene.muscles.items()
+    more: dict[str, Any] = {"literature": {name: muscle.literature for name, muscle in muscles}}
+    more["crosses"] = {name: muscle.crosses for name, muscle in muscles if muscle.crosses is not None}
+    return Result(scene.bones_data(), scene.motion, tracks, report, drawn_bones=drawn_bones, **more)
 
 
 def _first_report(run: SceneRun, tracks: Tracks) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
+from importlib import import_module
 from itertools import islice
 from os import PathLike
 from pathlib import Path
@@ -152,19 +153,13 @@ class Table(Mapping[str, NDArray[Any]]):
         ImportError
             If pandas is not installed; ``dict(table)`` works without pandas.
         """
-        try:
-            import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore] # noqa: PLC0415
-        except ImportError as error:
-            raise ImportError(
-                "a DataFrame needs pandas: python -m pip install pandas; dict(table) gives arrays"
-            ) from error
-        return pandas.DataFrame(dict(self))
+        return optional_package("pandas", "a DataFrame").DataFrame(dict(self))
 
     def _count(self) -> int:
         return sum(part[0].size for part in self._parts if part)
 
 
-class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
+class MomentArmTable(dict[str, dict[str, JointArms]]):
     """Moment arms of muscles by coordinates, as in ``table["iliacus"]["hip_flexion_r"].mean``.
 
     Attributes
@@ -176,84 +171,74 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
     def __init__(
         self, arms: Mapping[str, Mapping[str, JointArms]], refused: Mapping[str, str] | None = None
     ) -> None:
-        self._arms = {muscle: dict(found) for muscle, found in arms.items()}
+        super().__init__({muscle: dict(found) for muscle, found in arms.items()})
         self.refused = dict(refused or {})
 
-    def __getitem__(self, muscle: str) -> Mapping[str, JointArms]:
-        if muscle not in self._arms:
-            known = ", ".join(self._arms) or "none"
-            raise KeyError(f"there are no moment arms of {muscle!r}; available: {known}")
-        return self._arms[muscle]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._arms)
-
-    def __len__(self) -> int:
-        return len(self._arms)
+    def __missing__(self, muscle: str) -> dict[str, JointArms]:
+        raise KeyError(f"there are no moment arms of {muscle!r}; available: {', '.join(self) or 'none'}")
 
     def __repr__(self) -> str:
-        lines = [f"  {at['muscle']}{repr(one).removeprefix('JointArms')}" for at, one in self._labelled()]
+        lines = [f"  {at['muscle']}{repr(one).removeprefix('JointArms')}" for at, one in self.labelled()]
         title = "MomentArmTable [mm], mean (least to largest of all fibres and values):"
         return "\n".join([title, *lines] if lines else ["MomentArmTable: empty"])
 
     def table(self) -> Table:
         """Return the whole table, with the columns :data:`ARMS`. NaN without a quartic."""
-        return Table.stacked(
-            ARMS,
-            (
-                labels
-                | {
-                    "fibre": np.arange(one.arms.shape[1])[:, None],
-                    "moment_arm_mm": one.arms.T,
-                    "slope_mm": one.slopes.T,
-                    "quartic_mm": np.nan if one.quartic is None else one.quartic.T,
-                }
-                for labels, one in self._labelled()
-            ),
+        parts = (
+            {
+                **labels,
+                "fibre": np.arange(one.arms.shape[1])[:, None],
+                "moment_arm_mm": one.arms.T,
+                "slope_mm": one.slopes.T,
+                "quartic_mm": np.nan if one.quartic is None else one.quartic.T,
+            }
+            for labels, one in self.labelled()
         )
+        return Table.stacked(ARMS, parts)
 
     def summary(self) -> Table:
         """Return mean, range and error of the mean per muscle, coordinate and value."""
-        return Table.stacked(
-            SUMMARY,
-            (
-                labels
-                | {
-                    "mean_mm": one.mean,
-                    "slope_mean_mm": one.mean_slope,
-                    "min_mm": one.arms.min(axis=1),
-                    "max_mm": one.arms.max(axis=1),
-                    "quartic_mean_mm": np.nan if one.quartic is None else one.quartic.mean(axis=1),
-                    "error_mm": one.errors["total"],
-                }
-                for labels, one in self._labelled()
-            ),
+        parts = (
+            {
+                **labels,
+                "mean_mm": one.mean,
+                "slope_mean_mm": one.mean_slope,
+                "min_mm": one.arms.min(axis=1),
+                "max_mm": one.arms.max(axis=1),
+                "quartic_mean_mm": np.nan if one.quartic is None else one.quartic.mean(axis=1),
+                "error_mm": one.errors["total"],
+            }
+            for labels, one in self.labelled()
         )
+        return Table.stacked(SUMMARY, parts)
 
     def report(self, muscle: str) -> dict[str, Any]:
         """Return range and mean of a muscle's moment arms. By coordinate, JSON-able."""
-        return {
-            name: {
-                "unit": found.unit,
-                "positive": found.positive,
-                "values": [float(found.values.min()), float(found.values.max())],
-                "mean_mm": float(found.arms.mean()),
-                "min_mm": float(found.arms.min()),
-                "max_mm": float(found.arms.max()),
-                "errors": error_sizes(found.errors),
-                "slope_difference_mm": root_mean_square(found.arms - found.slopes),
-                "quartic_residual_mean_mm": (
-                    None if found.quartic_residuals is None else float(found.quartic_residuals.mean())
-                ),
-            }
-            for name, found in self._arms.get(muscle, {}).items()
-        }
+        report = {}
+        for name, found in self.get(muscle, {}).items():
+            ends = [float(found.values.min()), float(found.values.max())]
+            own: dict[str, Any] = {"unit": found.unit, "positive": found.positive, "values": ends}
+            own |= {f"{word}_mm": float(getattr(found.arms, word)()) for word in ("mean", "min", "max")}
+            own["errors"] = error_sizes(found.errors)
+            own["slope_difference_mm"] = root_mean_square(found.arms - found.slopes)
+            residuals = found.quartic_residuals
+            own["quartic_residual_mean_mm"] = None if residuals is None else float(residuals.mean())
+            report[name] = own
+        return report
 
-    def _labelled(self) -> Iterator[tuple[dict[str, Any], JointArms]]:
+    def labelled(self) -> Iterator[tuple[dict[str, Any], JointArms]]:
         """Give the columns that tables share, and the moment arms."""
-        for muscle, found in self._arms.items():
+        for muscle, found in self.items():
             for name, one in found.items():
                 yield {"muscle": muscle, "coordinate": name, "unit": one.unit, "value": one.values}, one
+
+
+def optional_package(name: str, use: str) -> Any:
+    """Return a package that is not installed with this package; ImportError where it is missing."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise ImportError(f"{use} needs {name}: python -m pip install {name}") from error
 
 
 def error_sizes(errors: Mapping[str, Floats]) -> dict[str, float | None]:
@@ -268,20 +253,18 @@ def length_table(
     errors: Mapping[str, Mapping[str, Floats]] | None = None,
 ) -> Table:
     """Return the table of lengths (f, k) per muscle, in the first f frames, with errors of means [mm]."""
-    return Table.stacked(
-        LENGTHS[:-1] if errors is None else LENGTHS,
-        (
-            {
-                "muscle": name,
-                "fibre": np.arange(one.shape[1])[:, None],
-                "frame": frames[: len(one)],
-                "time": times[: len(one)],
-                "length_mm": one.T,
-                "mean_error_mm": np.nan if errors is None else errors[name]["total"],
-            }
-            for name, one in lengths.items()
-        ),
+    parts = (
+        {
+            "muscle": name,
+            "fibre": np.arange(one.shape[1])[:, None],
+            "frame": frames[: len(one)],
+            "time": times[: len(one)],
+            "length_mm": one.T,
+            "mean_error_mm": np.nan if errors is None else errors[name]["total"],
+        }
+        for name, one in lengths.items()
     )
+    return Table.stacked(LENGTHS[:-1] if errors is None else LENGTHS, parts)
 
 
 def _cells(column: NDArray[Any], digits: int | None) -> Iterable[Any]:
@@ -297,11 +280,8 @@ def _cells(column: NDArray[Any], digits: int | None) -> Iterable[Any]:
 
 def html_table(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     """Return a table in HTML, of :data:`MOST_ROWS` rows at most."""
-    listed = [tuple(columns), *islice(rows, MOST_ROWS)]
-    texts = [[f"{value:.6g}" if isinstance(value, float) else str(value) for value in row] for row in listed]
-    tags = ["th"] + ["td"] * (len(texts) - 1)
-    lines = (
-        "".join(f"<{tag}>{escape(text)}</{tag}>" for text in row)
-        for tag, row in zip(tags, texts, strict=True)
-    )
+    lines = []
+    for tag, row in (("th", columns), *(("td", row) for row in islice(rows, MOST_ROWS))):
+        texts = [f"{value:.6g}" if isinstance(value, float) else escape(str(value)) for value in row]
+        lines.append("".join(f"<{tag}>{text}</{tag}>" for text in texts))
     return f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"

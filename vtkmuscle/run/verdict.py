@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
 from vtkmuscle.core.errors import fault_of
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.levers import even_stretches, largest_turns, length_jumps
+from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data import toml_table
+from vtkmuscle.data.anatomy import PERSONAL, published, published_coordinate
+from vtkmuscle.data.arrays import polylines_of
+from vtkmuscle.run.frames import MuscleTrack
+from vtkmuscle.scene.data import SceneData
+from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense import FULL_SIZE
-
-_TABLE = files("vtkmuscle.run") / "checks.toml"
 
 
 @dataclass(frozen=True)
@@ -41,7 +46,7 @@ class Check:
 
 
 #: The checks by name: the limits, with the reasons for them, are in the file.
-CHECKS = {name: Check(**row) for name, row in tomllib.loads(_TABLE.read_text(encoding="utf-8")).items()}
+CHECKS = {name: Check(**row) for name, row in toml_table("vtkmuscle.run", "checks.toml").items()}
 
 #: Ratios of length that a fibre may have, and how far beyond them no fibre survives.
 SHORTEST, LONGEST = CHECKS["short fibres"].look, CHECKS["long fibres"].look
@@ -106,17 +111,13 @@ def judge(
     :class:`Reason` as mappings, the worst first; and ``not_checked``, the omitted checks with reasons.
     """
     values, missing = _series(rows, fibres, motion, n_edges)
-    reasons = [
-        reason
-        for name, series in values.items()
-        if (reason := _reason(name, series, rows, size / FULL_SIZE)) is not None
-    ]
+    found = (_reason(name, series, rows, size / FULL_SIZE) for name, series in values.items())
+    reasons = [reason for reason in found if reason is not None]
     if failure is not None:
         frame, time, why = failure
         problem, remedy = fault_of(why, placed=True)
-        says = f"the frame could not be computed: {problem}"
-        do = remedy or "check the frame before"
-        reasons.append(Reason("computed", FAILED, frame, time, 0.0, 0.0, "", says, do))
+        words = f"the frame could not be computed: {problem}", remedy or "check the frame before"
+        reasons.append(Reason("computed", FAILED, frame, time, 0.0, 0.0, "", *words))
     return with_reasons({"reasons": [], "not_checked": missing}, reasons)
 
 
@@ -141,10 +142,7 @@ def reasons_of(verdict: Mapping[str, Any]) -> list[Reason]:
 def _series(
     rows: Sequence[Mapping[str, Any]], fibres: FibreHistory | None, motion: RigidMotion | None, n_edges: int
 ) -> tuple[dict[str, Floats], dict[str, str]]:
-    """Return the values of each check, a value per row.
-
-    NaN for unknown values. The second result has the reasons for checks without values.
-    """
+    """Return the values of each check, a value per row."""
 
     def column(name: str) -> Floats:
         found = [row.get(name) for row in rows]
@@ -176,36 +174,25 @@ def _series(
         for name, check in CHECKS.items():
             if check.at_rest:
                 values[name] = np.full(len(rows), check.factor * fibres.at_rest[check.column])
-    unknown = [name for name in CHECKS if name not in values or np.isnan(values[name]).all()]
-    values = {name: series for name, series in values.items() if name not in unknown}
-    return values, {name: missing.get(name, "not measured") for name in unknown}
+    values = {name: series for name, series in values.items() if not np.isnan(series).all()}
+    return values, {name: missing.get(name, "not measured") for name in CHECKS if name not in values}
 
 
 def _reason(name: str, series: Floats, rows: Sequence[Mapping[str, Any]], scale: float) -> Reason | None:
-    """Return the reason of a failed check, else None.
-
-    A check fails with ``look`` or ``failed``; infinite values are beyond all limits.
-    """
+    """Return the reason of a failed check, else None."""
     check = CHECKS[name]
-    known = np.array([i for i, value in enumerate(series) if not np.isnan(value)], dtype=np.int64)
-    if not len(known):
-        return None
     look, failed = (limit * (scale if check.unit == "mm" else 1.0) for limit in (check.look, check.failed))
     side = -1.0 if check.smaller else 1.0
-    worst = int(known[np.argmax(side * series[known])])
+    worst = int(np.nanargmax(side * series))
     value = float(series[worst])
-    if side * value > side * failed or not np.isfinite(value):
-        verdict, limit = FAILED, failed
-    elif side * value > side * look:
-        verdict, limit = LOOK, look
-    else:
+    fails = side * value > side * failed or not np.isfinite(value)
+    if not fails and side * value <= side * look:
         return None
-    row = rows[worst]
-    says = check.says.format(_worded(value, check.unit))
+    verdict, limit = (FAILED, failed) if fails else (LOOK, look)
+    words = check.unit, check.says.format(_worded(value, check.unit)), check.do
     value = value if np.isfinite(value) else np.finfo(np.float64).max  # JSON knows no infinity
-    return Reason(
-        name, verdict, int(row["frame"]), float(row["time"]), value, limit, check.unit, says, check.do
-    )
+    frame, time = int(rows[worst]["frame"]), float(rows[worst]["time"])
+    return Reason(name, verdict, frame, time, value, limit, *words)
 
 
 def _worded(value: float, unit: str) -> str:
@@ -214,3 +201,134 @@ def _worded(value: float, unit: str) -> str:
     if unit == "%":
         return f"{value:.2g} %" if value < 99.5 else f"{value:.0f} %"
     return f"{value:.3g} {unit.replace('deg', 'degrees')}"
+
+
+#: Part of a muscle's path that an optimal fibre length may be: 0.105 to 1.33 in 70 published muscles.
+SHORTEST_FIBRE, LONGEST_FIBRE = 0.1, 2.0
+#: Margin of published moment arms [mm]: the ranges are of single generic models, and from model to model
+#: their edges move by as much.
+MARGIN = 15.0
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A muscle with all that is known of its results; lengths of paths are per frame and path [mm]."""
+
+    name: str
+    scene: SceneData
+    track: MuscleTrack
+    arms: Mapping[str, JointArms]
+    lengths: Floats | None
+
+    @property
+    def anatomical(self) -> str:
+        """Name for published numbers."""
+        return self.scene.muscles[self.name].muscle or self.name
+
+    @property
+    def path(self) -> float:
+        """Mean length of the fibres at rest, tendon included [mm]; 0 without fibres."""
+        if self.track.rest_fibres is None:
+            return 0.0
+        lines = polylines_of(self.track.rest_fibres, "fibres")
+        return float(polyline_lengths(lines.points, lines.offsets).mean()) * self.scene.millimetres
+
+
+def further_reasons(muscle: Judged, odd: Sequence[SceneError]) -> Iterator[Reason]:
+    """Yield reasons for a look at a muscle; ``odd`` are the implausible parts of the scene."""
+    own = f"muscles.{muscle.name}."
+    for error in odd:
+        # The scale of a scene is no property of a muscle.
+        if error.key.startswith(own) or not error.key.startswith(("muscles.", "units")):
+            yield _look(muscle, "plausible", (0.0, 0.0, ""), f"{error.key}: {error.problem}", error.remedy)
+    if muscle.path > 0.0:
+        yield from _hill(muscle)
+        yield from _fascicles(muscle)
+        for arms in muscle.arms.values():
+            yield from _arms(muscle, arms)
+
+
+def missing_checks(muscle: Judged) -> dict[str, str]:
+    """Return the checks without published numbers, and why."""
+    why = 'no published muscle has the name; write muscle = "semimembranosus", for example'
+    return {} if published(muscle.anatomical) else {"published arms": why, "fascicles": why}
+
+
+def _look(
+    muscle: Judged, check: str, found: tuple[float, float, str], says: str, do: str, at: int = 0
+) -> Reason:
+    """Return a reason for a look: value, limit and unit, ``at`` a kept frame."""
+    row = muscle.track.report["frames"][at] if muscle.track.report["frames"] else {"frame": 0, "time": 0.0}
+    value, limit, unit = found
+    return Reason(check, LOOK, int(row["frame"]), row["time"], float(value), float(limit), unit, says, do)
+
+
+def _hill(muscle: Judged) -> Iterator[Reason]:
+    """Yield Hill's parameters that do not fit the muscle's own path."""
+    hill, path = muscle.scene.muscles[muscle.name].hill, muscle.path
+    for key, least, most in (
+        ("optimal_fibre_length", SHORTEST_FIBRE, LONGEST_FIBRE),
+        ("tendon_slack_length", 0.0, 1.0),
+    ):
+        ratio = hill.get(key, np.nan) * muscle.scene.millimetres / path
+        if ratio < least or ratio > most:
+            says = f"{key} is {ratio * path:.3g} mm, but the muscle's path is {path:.3g} mm long"
+            do = f"check the unit; {least:g} to {most:g} of the path is plausible"
+            yield _look(muscle, "hill", (ratio, most if ratio > most else least, ""), says, do)
+
+
+def _fascicles(muscle: Judged) -> Iterator[Reason]:
+    """Yield fascicles that are too long or too short for the muscle's name."""
+    known = published(muscle.anatomical, "fibre_to_path")
+    architecture = muscle.track.report.get("architecture")
+    if known is None or architecture is None:
+        return
+    shortest, longest = architecture["fascicle_length_range_mm"]
+    low, high = known.low / PERSONAL, known.high * PERSONAL
+    if longest < low * muscle.path or shortest > high * muscle.path:
+        mean = architecture["fascicle_length_mm"]["mean"]
+        says = f"the fascicles are {mean:.3g} mm long, {mean / muscle.path:.2f} of the path; published: "
+        says += _span(known.low, known.high, source=known.source)
+        limit = high if shortest > high * muscle.path else low
+        do = "give aponeuroses, or tendon_slack_length under hill; do not use PCSA and fascicle lengths"
+        yield _look(muscle, "fascicles", (mean / muscle.path, limit, ""), says, do)
+
+
+def _arms(muscle: Judged, arms: JointArms) -> Iterator[Reason]:
+    """Yield moment arms longer than the muscle, or outside of what is published, at the worst value."""
+    mean, frames = arms.mean, arms.frames.tolist()
+    if arms.unit not in ANGLES or muscle.lengths is None or not np.isfinite(mean).any():
+        return
+    longer = np.nan_to_num(np.abs(mean) / muscle.lengths[frames].mean(axis=1))
+    worst = int(longer.argmax())
+    if longer[worst] > 1.0:
+        says = f"the moment arm by {arms.coordinate} is {mean[worst]:.3g} mm, longer than the muscle"
+        do = "check the coordinate's unit, the joint's centre and the attachments"
+        yield _look(muscle, "arm and length", (longer[worst], 1.0, ""), says, do, frames[worst])
+    coordinate, sign = published_coordinate(arms.coordinate, arms.positive)
+    known = published(muscle.anatomical, "moment_arm", coordinate) if coordinate else None
+    length = published(muscle.anatomical, "path_length")
+    angles = sign * np.degrees(arms.values * ANGLES[arms.unit])
+    if known is None or length is None:
+        return
+    size = muscle.path / np.array([length.high * PERSONAL, length.low / PERSONAL])
+    low, high = ((known.low - MARGIN) * size).min(), ((known.high + MARGIN) * size).max()
+    within = (angles >= known.values[0]) & (angles <= known.values[1]) & np.isfinite(mean)
+    if not within.any():
+        return
+    own = np.where(within, sign * mean, np.nan)
+    worst, sweep = int(np.nanargmax(np.maximum(low - own, own - high))), float(np.nanmean(own))
+    certain = known.low * known.high > 0.0 and max(abs(known.low), abs(known.high)) > MARGIN
+    opposite = certain and sweep * known.low < 0.0
+    if opposite or not low <= own[worst] <= high:
+        limit = 0.0 if opposite else sign * (low if own[worst] < low else high)
+        whole = f", of the other sign over the whole motion ({sign * sweep:.3g} mm)" if opposite else ""
+        says = f"the mean moment arm by {arms.coordinate} is {mean[worst]:.3g} mm at "
+        says += f"{sign * angles[worst]:.3g} degrees{whole}; published [mm]: "
+        says += _span(*sorted([sign * known.low, sign * known.high]), source=known.source)
+        do = "check the attachments, the axis and the surface there"
+        yield _look(muscle, "published arms", (mean[worst], limit, "mm"), says, do, frames[worst])
+
+
+def _span(low: float, high: float, *, source: str) -> str:
+    return f"{low:g} to {high:g} ({source})" if low < high else f"{low:g} ({source})"

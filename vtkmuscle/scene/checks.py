@@ -75,10 +75,7 @@ def _arrays(surface: vtkPolyData) -> tuple[Floats, Ints]:
 
 
 def closed_surface(surface: vtkPolyData) -> tuple[vtkPolyData, bool]:
-    """Return a closed muscle surface facing outward, and whether it was turned.
-
-    An InputError names the fault of an open, torn or divided surface, and the remedy.
-    """
+    """Return a closed muscle surface facing outward, and whether it was turned."""
     report = survey(*_arrays(surface))
     problem = remedy = ""
     if not report.closed:
@@ -105,7 +102,7 @@ def closed_surface(surface: vtkPolyData) -> tuple[vtkPolyData, bool]:
 
 def turned_over(surface: vtkPolyData) -> vtkPolyData:
     """Return a surface with reversed triangles."""
-    reverse = vtkReverseSense()
+    reverse = vtkReverseSense()  # without keywords: ParaView's VTK is older
     reverse.SetInputData(surface)
     reverse.Update()
     result: vtkPolyData = reverse.GetOutput()
@@ -116,8 +113,7 @@ def _check_area(area: AttachmentArea, surface: vtkPolyData, units: str) -> None:
     landmarks = np.asarray(area.landmarks, dtype=np.float64)
     if landmarks.ndim != 2 or landmarks.shape[1] != 3 or not np.isfinite(landmarks).all():
         raise InputError("", "the landmarks are not finite points x, y, z", "correct the landmarks")
-    fewest = 3 if area.closed else 1
-    if len(landmarks) < fewest:
+    if len(landmarks) < (fewest := 3 if area.closed else 1):
         problem = f"there are {len(landmarks)} landmarks, but a ring needs {fewest}"
         raise InputError("", problem, "add landmarks")
     points, triangles = checked_surface(surface, "")
@@ -127,10 +123,8 @@ def _check_area(area: AttachmentArea, surface: vtkPolyData, units: str) -> None:
     ring = via_ring(area.landmarks)
     if not passes_through(ring, points, triangles):
         gap = np.linalg.norm(points - ring.centre, axis=1).min()
-        problem = f"the muscle does not pass through the via ring; the centre is {gap:.4g} {units} from "
-        problem += "the nearest point of the muscle"
-        remedy = "digitise the ring round the muscle at rest, in the same unit and frame"
-        raise InputError("", problem, remedy)
+        problem = f"the muscle does not pass through the via ring; the centre is {gap:.4g} {units} from it"
+        raise InputError("", problem, "digitise the ring round the muscle, in the same unit and frame")
 
 
 def _check_distance(subject: str, positions: Floats, points: Floats, units: str) -> None:
@@ -140,5 +134,4 @@ def _check_distance(subject: str, positions: Floats, points: Floats, units: str)
     diagonal = np.linalg.norm(highest - lowest)
     if gaps.min() > _FARTHEST_LANDMARKS * diagonal:
         problem = f"{subject} {gaps.min():.4g} {units} away from the muscle of {diagonal:.4g} {units}"
-        remedy = "check muscle, unit and frame"
-        raise InputError("", problem, remedy)
+        raise InputError("", problem, "check muscle, unit and frame")

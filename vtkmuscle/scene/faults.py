@@ -60,10 +60,7 @@ class Finding(NamedTuple):
 
 @contextmanager
 def errors_at(key: str, file: Path | None, remedy: str = "") -> Iterator[None]:
-    """Raise a ValueError or OSError as a SceneError with key and file.
-
-    ``remedy`` applies to errors without a remedy.
-    """
+    """Raise a ValueError or OSError as a SceneError with key and file."""
     try:
         yield
     except SceneError:
@@ -106,18 +103,13 @@ def parsed(path: Path) -> dict[str, Any]:
     try:
         check_is_file(path, most=MOST_TEXT)
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError as error:
-        problem = "there is no such file" if not path.exists() else "is a pipe or a device, not a file"
-        raise SceneError(problem, "", "check the path", path) from error
-    except OSError as error:
-        raise SceneError(f"cannot be read: {error.strerror}", "", "", path) from error
     except UnicodeDecodeError as error:
         raise SceneError("is not text in UTF-8", "", "save it as UTF-8", path) from error
     except tomllib.TOMLDecodeError as error:
         remedy = "correct that line; put texts in double quotes, and write / for \\ in paths"
         raise SceneError(f"is not valid TOML: {error}", "", remedy, path) from error
-    except (ValueError, RecursionError) as error:  # too large, an endless number, or too many brackets
-        raise SceneError(f"cannot be read: {fault_of(error)[0]}", "", "correct it", path) from error
+    except (OSError, ValueError, RecursionError) as error:  # also an endless number, or too many brackets
+        raise SceneError(fault_of(error)[0], "", "check the path and the content", path) from error
 
 
 class SceneFiles:

@@ -147,16 +147,11 @@ class SceneJoints:
 
         joints = {joint.child: joint for joint in tree.joints}
         negligible = 1e-12 * max(1.0, float(np.abs(placed[:3, 3]).max()))
-        transforms = {
-            bone: motion
-            for bone, motion in moved(full).items()
-            if np.abs(motion - np.eye(4)).max() > negligible
-        }
-        centres = {
-            bone: (back @ rest[body][0] @ joints[body].child_frame)[:3, 3]
-            for bone, body in self.bodies.items()
-            if bone in transforms and body in joints
-        }
+        every = moved(full)
+        moving = [bone for bone in every if np.abs(every[bone] - np.eye(4)).max() > negligible]
+        transforms, centres = {bone: every[bone] for bone in moving}, {}
+        for bone, body in ((bone, self.bodies[bone]) for bone in moving if self.bodies[bone] in joints):
+            centres[bone] = (back @ rest[body][0] @ joints[body].child_frame)[:3, 3]
         own = {name: full[name] for name in tree.free}
 
         def twists(name: str, factor: float) -> dict[str, Floats] | None:
@@ -286,10 +281,8 @@ def _warn_of_ranges(values: Mapping[str, Floats], tree: KinematicTree, key: str,
             continue
         (low, high), unit = limits, _unit(tree, name)
         if column.min() < low - 1e-6 or column.max() > high + 1e-6:
-            words = (
-                f"{files.paths['']}: {key}: {name!r} goes from {column.min() / unit:.4g} to "
-                f"{column.max() / unit:.4g}, but its range is {low / unit:.4g} to {high / unit:.4g}"
-            )
+            words = f"{files.paths['']}: {key}: {name!r} goes from {column.min() / unit:.4g} to "
+            words += f"{column.max() / unit:.4g}, but its range is {low / unit:.4g} to {high / unit:.4g}"
             warnings.warn(words, stacklevel=4)
 
 
@@ -349,10 +342,7 @@ def _function(table: Function) -> CoordinateFunction:
 
 
 def _at_rest(tree: KinematicTree) -> KinematicTree:
-    """Return a tree whose body frames equal the scene's frame at rest.
-
-    The axes of a joint pass through its centre at rest, so translations are counted from rest.
-    """
+    """Return a tree whose body frames equal the scene's frame at rest."""
     full = tree.completed({})
     joints = []
     for joint in tree.joints:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,23 +12,16 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle import io
 from vtkmuscle.core.attachments.patches import ring_area, ring_length
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.template import read_template
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import points_of, with_points
-from vtkmuscle.data.attachments import SIDES, VIA, Aponeurosis, AttachmentArea
+from vtkmuscle.data.attachments import ROLES, SIDES, VIA, Aponeurosis, AttachmentArea
 from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
-from vtkmuscle.io import (
-    LiteratureCurve,
-    curves_for,
-    read_aponeurosis,
-    read_landmarks,
-    read_literature,
-    read_polydata,
-    read_surface,
-)
 from vtkmuscle.scene.checks import turned_over
 from vtkmuscle.scene.data import MILLIMETRES, Muscle
 from vtkmuscle.scene.faults import Faults, SceneError, SceneFiles, errors_at, parsed
@@ -41,20 +34,16 @@ from vtkmuscle.scene.validation import validated
 NEXT_TO, ROUND = 1.5, 0.15
 
 
-def read_fields(path: Path, values: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Return the fields of a scene.toml; see :meth:`vtkmuscle.Scene.load`.
-
-    ``values`` replace the content of the file. First all keys are checked, then all files are read; each step
-    reports its faults together. The scene's constructor checks the surfaces.
-    """
-    table = validated(parsed(path) if values is None else values, path)
+def read_fields(path: Path) -> dict[str, Any]:
+    """Return the fields of a scene.toml; see :meth:`vtkmuscle.Scene.load`."""
+    table = validated(parsed(path), path)
     files, faults = SceneFiles(path), Faults()
     bones: dict[str, vtkPolyData] = {}
     muscles: dict[str, Muscle] = {}
     motion = crossed = None
     for name, bone in table.bones.items():
         with faults.gathered():
-            bones[name] = files.read(f"bones.{name}.surface", bone.surface, read_surface)
+            bones[name] = files.read(f"bones.{name}.surface", bone.surface, io.read_surface)
     with faults.gathered():
         joints = joints_of(table, files)
         motion = motion_from(table, files, joints)
@@ -63,21 +52,17 @@ def read_fields(path: Path, values: Mapping[str, Any] | None = None) -> dict[str
         with faults.gathered():
             muscles[name] = _muscle(name, table, files, bones, motion, crossed)
     faults.raise_any()
+    same = ("units", "muscle_contact", "deformer", "quality", "frame", "guessed")
     fields = {
+        **{key: getattr(table, key) for key in same},
         "name": table.name or path.stem,
         "bones": bones,
         "muscles": muscles,
         "motion": motion,
-        "units": table.units,
         "solver": table.solver.given(),
         "fixing": table.fixing.given(),
-        "muscle_contact": table.muscle_contact,
-        "deformer": table.deformer,
-        "paths": None if table.paths is None else table.paths.given(),
-        "quality": table.quality,
-        "frame": table.frame,
-        "guessed": table.guessed,
         "files": files.paths,
+        "paths": None if table.paths is None else table.paths.given(),
     }
     return fields if table.mirror is None else _mirrored(fields, table.mirror)
 
@@ -96,10 +81,7 @@ def _muscle(
     motion: RigidMotion | None,
     crossed: Callable[[Iterable[str]], tuple[str, ...]] | None,
 ) -> Muscle:
-    """Read the files of a muscle.
-
-    The motion is None if unreadable; ``crossed`` returns the coordinates of joints between bones.
-    """
+    """Read the files of a muscle."""
     key, table, faults = f"muscles.{name}", scene.muscles[name], Faults()
     fibres = None if table.fibres is None else table.fibres.given()
     estimated = isinstance(table.attachments, Estimate)
@@ -112,11 +94,11 @@ def _muscle(
         "muscle": table.muscle or "",
     }
     with faults.gathered():
-        fields["surface"] = files.read(f"{key}.surface", table.surface, read_surface)
+        fields["surface"] = files.read(f"{key}.surface", table.surface, io.read_surface)
         if isinstance(table.attachments, Estimate) and motion is not None:
-            estimate = partial(_estimated, table.attachments.bones, fields["surface"], bones, motion)
             with errors_at(f"{key}.attachments", files.paths[""]):
-                fields["attachments"] = estimate(within=NEAR / MILLIMETRES[scene.units])
+                within, named = NEAR / MILLIMETRES[scene.units], table.attachments.bones
+                fields["attachments"] = _estimated(named, fields["surface"], bones, motion, within)
     if table.aponeuroses is not None:
         fields["aponeuroses"] = _aponeuroses(key, table.aponeuroses, files, faults, scene)
     if fibres is not None and fibres.get("template_file") is not None:
@@ -124,13 +106,11 @@ def _muscle(
             where = f"{key}.fibres.template_file"
             files.read(where, fibres["template_file"], read_template)
             fibres["template_file"] = str(files.paths[where].resolve())  # valid from any folder
-    if table.superficial_fibres is not None:
-        with faults.gathered():
-            where = f"{key}.superficial_fibres"
-            fields["superficial_fibres"] = files.read(where, table.superficial_fibres, read_polydata)
-    if table.literature is not None:
-        with faults.gathered():
-            fields["literature"] = _literature(f"{key}.literature", name, table.literature, files)
+    own_literature: Callable[[Path], Any] = partial(_literature, muscle=name)
+    for entry, reader in (("superficial_fibres", io.read_polydata), ("literature", own_literature)):
+        if (text := getattr(table, entry)) is not None:
+            with faults.gathered():
+                fields[entry] = files.read(f"{key}.{entry}", text, reader)
     if table.crosses is not None:
         fields["crosses"] = tuple(table.crosses)
         coordinates = table.crosses if motion is None else motion.coordinates
@@ -150,7 +130,8 @@ def _areas(
     for number, area in enumerate(tables):
         where = f"{key}.attachments[{number}].landmarks"
         with faults.gathered():
-            landmarks, closed = files.read(where, area.landmarks, partial(read_landmarks, frame=scene.frame))
+            read = partial(io.read_landmarks, frame=scene.frame)
+            landmarks, closed = files.read(where, area.landmarks, read)
             if area.closed is None and not closed and area.role != VIA and _goes_round(landmarks):
                 problem = "the landmarks surround an area, but are read as an open curve: the file does not "
                 problem += "repeat the first landmark at the end"
@@ -176,7 +157,7 @@ def _aponeuroses(
 ) -> list[Aponeurosis]:
     sheets = []
     for side in SIDES:
-        texts, read = getattr(table, side), partial(read_aponeurosis, side=side, frame=scene.frame)
+        texts, read = getattr(table, side), partial(io.read_aponeurosis, side=side, frame=scene.frame)
         for number, text in enumerate(texts):
             where = f"{key}.aponeuroses.{side}" + (f"[{number}]" if len(texts) > 1 else "")
             with faults.gathered():
@@ -184,14 +165,12 @@ def _aponeuroses(
     return sheets
 
 
-def _literature(key: str, muscle: str, text: str, files: SceneFiles) -> tuple[LiteratureCurve, ...]:
+def _literature(path: Path, muscle: str) -> tuple[io.LiteratureCurve, ...]:
     """Return the published moment arms of a muscle in a file."""
-    curves = files.read(key, text, read_literature)
-    own = curves_for(curves, muscle=muscle)
-    if not own:
-        names = sorted({curve.muscle for curve in curves})
-        problem = f"the file has no moment arms of {muscle!r}"
-        raise SceneError(problem, key, f"muscles in the file: {', '.join(names)}", files.paths[key])
+    curves = io.read_literature(path)
+    if not (own := io.curves_for(curves, muscle=muscle)):
+        listed = f"muscles in the file: {', '.join(sorted({curve.muscle for curve in curves}))}"
+        raise InputError(path, f"the file has no moment arms of {muscle!r}", listed)
     return own
 
 
@@ -200,7 +179,6 @@ def _estimated(
     surface: vtkPolyData,
     bones: dict[str, vtkPolyData],
     motion: RigidMotion,
-    *,
     within: float,
 ) -> list[AttachmentArea]:
     """Return estimated attachments; by default the insertion is on the moving bone."""
@@ -208,13 +186,11 @@ def _estimated(
     bodies: dict[bytes, list[str]] = {}
     for bone in bones:  # bones without transforms do not move
         bodies.setdefault(motion.transforms.get(bone, motion.times[:0]).tobytes(), []).append(bone)
-    areas = estimated_areas(
-        surface, bones, within=within, origin=origin, insertion=insertion, bodies=[*bodies.values()]
-    )
+    ends: dict[str, Any] = {"origin": origin, "insertion": insertion, "bodies": [*bodies.values()]}
+    areas = estimated_areas(surface, bones, within=within, **ends)
     moving = {area.role: area.bone in motion.transforms for area in areas}
     if not named and moving["origin"] and not moving["insertion"]:
-        other = {"origin": "insertion", "insertion": "origin"}
-        areas = [replace(area, role=other[area.role]) for area in areas]
+        areas = [replace(area, role=ROLES[area.role == ROLES[0]]) for area in areas]
     return areas
 
 
@@ -222,8 +198,19 @@ def _mirrored(fields: dict[str, Any], axis: str) -> dict[str, Any]:
     """Return a scene's fields mirrored along x, y or z; values of coordinates stay."""
     signs = np.where(np.array(list("xyz")) == axis, -1.0, 1.0)
     both, motion = np.diag([*signs, 1.0]), fields["motion"]
-    bones = {name: _mirrored_surface(bone, signs) for name, bone in fields["bones"].items()}
-    muscles = {name: _mirrored_muscle(muscle, signs) for name, muscle in fields["muscles"].items()}
+
+    def mirrored(data: vtkPolyData) -> Any:
+        return with_points(data, signs * points_of(data))
+
+    bones = {name: mirrored(turned_over(bone)) for name, bone in fields["bones"].items()}
+    muscles = {}
+    for name, old in fields["muscles"].items():
+        areas = (replace(area, landmarks=signs * area.landmarks) for area in old.attachments)
+        turned = ((each, signs * each.points, each.triangles[:, ::-1]) for each in old.aponeuroses)
+        sheets = (replace(each, points=points, triangles=faces) for each, points, faces in turned)
+        muscle = replace(old, surface=mirrored(turned_over(old.surface)), attachments=tuple(areas))
+        lines = old.superficial_fibres and mirrored(old.superficial_fibres)
+        muscles[name] = replace(muscle, aponeuroses=tuple(sheets), superficial_fibres=lines)
     motion = replace(
         motion,
         transforms={bone: both @ table @ both for bone, table in motion.transforms.items()},
@@ -231,22 +218,3 @@ def _mirrored(fields: dict[str, Any], axis: str) -> dict[str, Any]:
         coordinates={name: old.carried(both) for name, old in motion.coordinates.items()},
     )
     return fields | {"bones": bones, "muscles": muscles, "motion": motion}
-
-
-def _mirrored_surface(surface: vtkPolyData, signs: Floats) -> vtkPolyData:
-    """Return a surface with points times signs (3,) and the same outward side."""
-    return turned_over(with_points(surface, signs * points_of(surface)))
-
-
-def _mirrored_muscle(muscle: Muscle, signs: Floats) -> Muscle:
-    lines = muscle.superficial_fibres
-    return replace(
-        muscle,
-        surface=_mirrored_surface(muscle.surface, signs),
-        attachments=tuple(replace(area, landmarks=signs * area.landmarks) for area in muscle.attachments),
-        aponeuroses=tuple(
-            replace(sheet, points=signs * sheet.points, triangles=sheet.triangles[:, ::-1])
-            for sheet in muscle.aponeuroses
-        ),
-        superficial_fibres=None if lines is None else with_points(lines, signs * points_of(lines)),
-    )

@@ -123,8 +123,13 @@ Triple = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
 Direction = Annotated[Triple, AfterValidator(_direction)]
 
 
-#: Coordinates of each kind of joint; None for any number.
-JOINT_KINDS = {"pin": 1, "ball": 3, "weld": 0, "custom": None}
+#: Number of coordinates of each kind of joint, None for any, and its required and optional keys.
+JOINT_KINDS: dict[str, tuple[int | None, tuple[str, ...], tuple[str, ...]]] = {
+    "pin": (1, ("centre", "axis"), ("coordinates",)),
+    "ball": (3, ("centre",), ("axes", "coordinates")),
+    "weld": (0, (), ("centre",)),
+    "custom": (None, ("centre",), ("coordinates", "rotations", "translations")),
+}
 
 
 def _ascending(ends: list[float]) -> list[float]:

@@ -192,24 +192,16 @@ def _of_motion(scene: SceneTable) -> Iterator[_Fault]:
         yield from _unknown_bone("motion.bone", motion.bone, scene.bones)
 
 
-#: Required and optional keys of each kind of joint, and its coordinates.
-_JOINTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "pin": (("centre", "axis"), ("coordinates",)),
-    "ball": (("centre",), ("axes", "coordinates")),
-    "weld": ((), ("centre",)),
-    "custom": (("centre",), ("coordinates", "rotations", "translations")),
-}
 _FUNCTIONS = ("polynomial", "spline")
 
 
 def _of_joints(scene: SceneTable) -> Iterator[_Fault]:
     if scene.joints and scene.opensim is not None:
         yield "opensim", "cannot be combined with [joints.NAME]", "remove either"
-    bodies = {
-        "parent": {*scene.bones, *(joint.child for joint in scene.joints.values())},
-        "child": {*scene.bones, *(joint.parent for joint in scene.joints.values())},
-    }
-    coordinates = [name for joint in scene.joints.values() for name in joint.coordinates or {}]
+    joints = scene.joints.values()
+    bodies = {"parent": {*scene.bones, *(joint.child for joint in joints)}}
+    bodies["child"] = {*scene.bones, *(joint.parent for joint in joints)}
+    coordinates = [name for joint in joints for name in joint.coordinates or {}]
     for number, name in enumerate(coordinates):
         if name in coordinates[:number]:
             yield "joints", f"there are two coordinates {quoted(name)}", "rename either"
@@ -223,18 +215,18 @@ def _of_joints(scene: SceneTable) -> Iterator[_Fault]:
 
 
 def _of_kind(key: str, joint: JointTable) -> Iterator[_Fault]:
-    kind, (needed, optional) = joint.type, _JOINTS[joint.type]
+    kind, (wanted, needed, optional) = joint.type, JOINT_KINDS[joint.type]
     for name in ("centre", "axis", "axes", "coordinates", "rotations", "translations"):
         missing = getattr(joint, name) is None
         if missing and name in needed:
             yield f"{key}.{name}", "the key is missing", f"add {name} = [1.0, 0.0, 0.0]"
         elif not missing and name not in (*needed, *optional):
             yield f"{key}.{name}", f"is not a key of a joint of type {kind!r}", "remove it, or change type"
-    wanted, count = JOINT_KINDS[kind], len(joint.coordinates or {})
+    count = len(joint.coordinates or {})
     if wanted and count != wanted:
         names = ", ".join(f'"NAME_{number}"' for number in range(1, wanted + 1))
-        remedy = f"write coordinates = [{names}]"
-        yield f"{key}.coordinates", f"names {count}, but a {kind} has {wanted}", remedy
+        problem = f"names {count}, but a {kind} has {wanted}"
+        yield f"{key}.coordinates", problem, f"write coordinates = [{names}]"
     if kind == "custom" and not (joint.rotations or joint.translations):
         remedy = 'add rotations = [{ axis = [1.0, 0.0, 0.0], coordinate = "NAME" }]'
         yield f"{key}.rotations", "a custom joint needs rotations or translations", remedy

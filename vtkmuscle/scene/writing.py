@@ -40,15 +40,13 @@ def write_scene(scene: SceneData, folder: Path) -> Path:
     for bone in scene.motion.transforms:
         write_motion_table(folder / _motion_file(scene.motion, bone), scene.motion, bone)
     path = folder / "scene.toml"
-    write_text(path, to_toml(scene))
+    header = "# All lengths are in this unit. Paths are relative to this file.\n"
+    write_text(path, header + tomli_w.dumps(tables_of(scene), indent=2))
     return path
 
 
 def save_unless_there(scene: SceneData, folder: Path, *, overwrite: bool) -> Path:
-    """Write a scene to a folder without a scene.toml, and return the path of scene.toml.
-
-    A scene.toml in the folder stays, unless ``overwrite`` is true. ValueError if other files are in the way.
-    """
+    """Write a scene to a folder without a scene.toml, and return the path of scene.toml."""
     path = folder / "scene.toml"
     if overwrite or not path.exists():
         with Outputs(folder, overwrite=overwrite):
@@ -56,22 +54,14 @@ def save_unless_there(scene: SceneData, folder: Path, *, overwrite: bool) -> Pat
     return path
 
 
-def to_toml(scene: SceneData) -> str:
-    """Return the text of scene.toml for the files of :func:`write_scene`."""
-    header = "# All lengths are in this unit. Paths are relative to this file.\n"
-    return header + tomli_w.dumps(tables_of(scene), indent=2)
-
-
 def tables_of(scene: SceneData) -> dict[str, Any]:
     """Return the tables of scene.toml for the files of :func:`write_scene`."""
+    defaults = {"frame": "LPS", "guessed": {}, "muscle_contact": "off", "deformer": "paths"}
     tables = {
         "name": scene.name,
         "units": scene.units,
         "quality": scene.quality,
-        "frame": None if scene.frame == "LPS" else scene.frame,
-        "guessed": dict(scene.guessed) or None,
-        "muscle_contact": None if scene.muscle_contact == "off" else scene.muscle_contact,
-        "deformer": None if scene.deformer == "paths" else scene.deformer,
+        **{key: value for key, usual in defaults.items() if (value := getattr(scene, key)) != usual},
         "bones": {name: {"surface": f"bones/{name}.vtp"} for name in scene.bones},
         "motion": _motion(scene.motion),
         "muscles": {name: _muscle(name, muscle) for name, muscle in scene.muscles.items()},
@@ -110,17 +100,14 @@ def write_areas(
 
 
 def _area_tables(muscle: str, areas: Sequence[AttachmentArea]) -> list[dict[str, Any]]:
-    return [
-        {
-            "role": area.role,
-            "bone": area.bone,
-            "landmarks": f"attachments/{muscle}_{area.role}_{number}.mrk.json",
-            **({"closed": False} if area.role == VIA and not area.closed else {}),
-            **({"estimated": True} if area.estimated else {}),
-            **({} if area.confidence is None else {"confidence": round(float(area.confidence), 4)}),
-        }
-        for number, area in enumerate(areas)
-    ]
+    tables: list[dict[str, Any]] = []
+    for number, area in enumerate(areas):
+        landmarks = f"attachments/{muscle}_{area.role}_{number}.mrk.json"
+        tables.append({"role": area.role, "bone": area.bone, "landmarks": landmarks})
+        tables[-1] |= {"closed": False} if area.role == VIA and not area.closed else {}
+        tables[-1] |= {"estimated": True} if area.estimated else {}
+        tables[-1] |= {} if area.confidence is None else {"confidence": round(float(area.confidence), 4)}
+    return tables
 
 
 def _muscle(name: str, muscle: Muscle) -> dict[str, Any]:
@@ -143,19 +130,14 @@ def _muscle(name: str, muscle: Muscle) -> dict[str, Any]:
 
 
 def _motion(motion: RigidMotion) -> dict[str, Any]:
-    files = {bone: _motion_file(motion, bone) for bone in motion.transforms}
-    alone = next(iter(files)) if len(files) == 1 else None
-    return {
-        "bone": alone,
-        "transforms": files if alone is None else files[alone],
-        "time": "time",
-        "centre": motion.centre_of(alone) if alone and isinstance(motion.centre, Mapping) else motion.centre,
-        "coordinates": {
-            name: {"unit": coordinate.unit, "positive": coordinate.positive or None}
-            for name, coordinate in motion.coordinates.items()
-        }
-        or None,
-    }
+    bone, centre = None, motion.centre
+    files: Any = {name: _motion_file(motion, name) for name in motion.transforms}
+    if len(files) == 1:
+        ((bone, files),) = files.items()
+        centre = motion.centre_of(bone) if isinstance(centre, Mapping) else centre
+    axes = motion.coordinates.items()
+    tables = {name: {"unit": own.unit, "positive": own.positive or None} for name, own in axes} or None
+    return {"bone": bone, "transforms": files, "time": "time", "centre": centre, "coordinates": tables}
 
 
 def _aponeurosis_file(name: str, number: int, muscle: Muscle) -> str:

@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import fields, is_dataclass
+from functools import cache
 from pathlib import Path, PurePosixPath
+from types import MappingProxyType
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, PlainSerializer, PlainValidator, ValidationError
+from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, check_is_file
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import multiblock_from
+from vtkmuscle.data.arrays import multiblock_from, points_of
 from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.temporal import read_series
-from vtkmuscle.io.writing import file_digest, plain, write_text
+from vtkmuscle.io.writing import file_digest
 from vtkmuscle.run.frames import RUN_AGAIN, TIME, Frames, MuscleTrack, WrittenFile
+from vtkmuscle.run.report_values import version_of
+from vtkmuscle.scene.data import Muscle, SceneData
 
 #: Number of the schema of notes and report. It grows by 1 with each change of a class below, or of a key of
 #: the report, so that no other schema is read.
@@ -28,12 +36,9 @@ FORMAT = 4
 
 
 def _array(value: Any) -> Floats:
-    if value is None or isinstance(value, dict):
+    if value is None:
         raise ValueError("this is no array")
-    try:
-        return np.array(value, dtype=np.float64)
-    except TypeError as error:
-        raise ValueError(str(error)) from error
+    return np.array(value, dtype=np.float64)
 
 
 def _inside(name: str) -> str:
@@ -79,11 +84,15 @@ class MuscleNote(_Table):
     key: str
     report: dict[str, Any]
     has_fibres: bool
-    lengths: Array
-    fibre_lengths: Array
+    lengths: list[Array]
+    fibre_lengths: list[Array]
     rest_lengths: Array
     segment_errors: list[float]
     files: Sizes
+
+
+#: Fields that a note has of its track.
+TRACK_FIELDS = ("report", "lengths", "fibre_lengths", "rest_lengths", "segment_errors")
 
 
 class RunNote(_Table):
@@ -123,11 +132,6 @@ def _check_format(path: Path, values: Mapping[str, Any]) -> None:
         raise InputError(path, problem, RUN_AGAIN)
 
 
-def write_note(path: Path, note: BaseModel) -> None:
-    """Write a note, all or nothing."""
-    write_text(path, json.dumps(note.model_dump(), default=plain) + "\n")
-
-
 #: The report of a run, and its page.
 REPORT: str = "report.json"
 PAGE: str = "report.html"
@@ -160,14 +164,11 @@ class ResultFolder:
 
     def frames_there(self) -> dict[str, int]:
         """Return the number of listed frames per muscle. The lists of frames count, not the report."""
-
-        def count(name: str) -> int:
-            try:
-                return len(read_series(self.path / f"{name}.pvd").times)
-            except (ValueError, FileNotFoundError):  # damaged, or not begun
-                return 0
-
-        return {name: count(name) for name in (self.report() or {}).get("muscles", {})}
+        counts = dict.fromkeys((self.report() or {}).get("muscles", {}), 0)
+        for name in counts:
+            with suppress(ValueError, FileNotFoundError):  # damaged, or not begun
+                counts[name] = len(read_series(self.path / f"{name}.pvd").times)
+        return counts
 
     def unfinished(self) -> str | None:
         """Return the remains of an unfinished run in words. None for a finished run or without a run."""
@@ -204,12 +205,10 @@ class ResultFolder:
         """Return the finished muscles with these keys. All files of the muscles are present."""
         tracks = {}
         for name, key in keys.items():
-            try:
+            with suppress(ValueError, OSError):  # it is computed again
                 note = read_note(self.note_file(name), MuscleNote)
                 if note.key == key:
                     tracks[name] = self._track(name, note)
-            except (ValueError, OSError):  # it is computed again
-                continue
         return tracks
 
     def _finished_report(self) -> dict[str, Any]:
@@ -247,14 +246,86 @@ class ResultFolder:
             rest_fibres=self._at_rest(f"{name}_fibres") if note.has_fibres else None,
             surfaces=frames(name),
             fibres=frames(f"{name}_fibres"),
-            lengths=list(note.lengths),
-            fibre_lengths=list(note.fibre_lengths),
-            rest_lengths=note.rest_lengths,
-            segment_errors=note.segment_errors,
-            report=note.report,
+            **{field: getattr(note, field) for field in TRACK_FIELDS},
         )
 
     def _at_rest(self, name: str) -> vtkPolyData:
         data = read_polydata(self.path / FINISHED / f"{name}.vtp")
         data.GetFieldData().RemoveArray(TIME)
         return data
+
+
+#: Parts of the package that only start runs or show results.
+_SHOWING = ("cli", "paraview", "plotting", "report/")
+#: Fields that no frame of a muscle depends on, and why; all others count.
+IRRELEVANT: Mapping[str, str] = MappingProxyType(
+    {
+        "SceneData.files": "where it was read from; what was read counts",
+        "SceneData.guessed": "judged anew in every run",
+        "Muscle.literature": "drawn beside the curves of a finished run",
+        "Muscle.muscle": "judged anew in every run",
+    }
+)
+#: Packages that have a part in the numbers.
+_PACKAGES = ("numpy", "scipy", "numba", "vtk")
+
+
+def muscle_keys(scene: SceneData, numbers: range) -> dict[str, str]:
+    """Return the key of each muscle of a scene."""
+    shared = _relevant(scene, SceneData)
+    del shared["muscles"]  # each has a key of its own
+    shared["bones"] = list(scene.bones.items())  # in order: points are fixed to bones by number
+    common = digest_of([code_digest(), list(numbers), shared])
+    keys: dict[str, str] = {}
+    for name, muscle in scene.muscles.items():
+        before = list(keys.values()) if scene.muscle_contact != "off" else []
+        template = (muscle.fibres or {}).get("template_file")
+        content = None if template is None else Path(template).read_text(encoding="utf-8")
+        keys[name] = digest_of([common, before, name, content, _relevant(muscle, Muscle)])
+    return keys
+
+
+def _relevant(value: Any, kind: type) -> dict[str, Any]:
+    names = {field.name for field in fields(kind) if f"{kind.__name__}.{field.name}" not in IRRELEVANT}
+    return {name: getattr(value, name) for name in names}
+
+
+def digest_of(value: Any) -> str:
+    """Return a digest of all parts of a value; the order of mappings does not count."""
+    return hashlib.sha256(json.dumps(value, default=_parts, sort_keys=True).encode()).hexdigest()
+
+
+def _parts(value: Any) -> Any:
+    """Return the parts of a value that JSON does not know."""
+    if isinstance(value, vtkPolyData):
+        cells = (value.GetVerts(), value.GetLines(), value.GetPolys(), value.GetStrips())
+        ids = [array for kind in cells for array in (kind.GetOffsetsArray(), kind.GetConnectivityArray())]
+        kinds = (value.GetPointData(), value.GetCellData(), value.GetFieldData())
+        named = [kind.GetAbstractArray(i) for kind in kinds for i in range(kind.GetNumberOfArrays())]
+        # VTK chooses how it keeps ids.
+        return [points_of(value), *(np.asarray(array, np.int64) for array in ids), *map(_named, named)]
+    if isinstance(value, np.ndarray):
+        digest = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
+        return [str(value.dtype), value.shape, digest]
+    if is_dataclass(value):
+        return {field.name: getattr(value, field.name) for field in fields(value)}
+    return dict(value) if isinstance(value, Mapping) else repr(value)
+
+
+def _named(array: Any) -> Any:
+    if isinstance(array, vtkDataArray):
+        return array.GetName(), np.asarray(array)
+    return array.GetName(), [array.GetValue(i) for i in range(array.GetNumberOfValues())]
+
+
+@cache
+def code_digest() -> str:
+    """Return a digest of the computing code: source without :data:`_SHOWING`, and further packages."""
+    root = Path(__file__).parents[2]
+    digest = hashlib.sha256("".join(f"{package} {version_of(package)}\n" for package in _PACKAGES).encode())
+    for file in sorted([*root.rglob("*.py"), *root.rglob("*.toml")]):
+        name = file.relative_to(root).as_posix()
+        if not name.startswith(_SHOWING):
+            digest.update(name.encode())
+            digest.update(file.read_bytes())
+    return digest.hexdigest()

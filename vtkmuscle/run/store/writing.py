@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import threading
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
@@ -17,23 +16,18 @@ from vtkmuscle import __version__
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import add_arrays, blocks_of, shallow_copy
 from vtkmuscle.filters.bone_motion import BoneMotion
+from vtkmuscle.io import writing
 from vtkmuscle.io.temporal import Collection as Pvd
 from vtkmuscle.io.temporal import Series
-from vtkmuscle.io.writing import (
-    Outputs,
-    file_digest,
-    locked,
-    plain,
-    remove_left_behind,
-    write_polydata,
-    write_text,
-)
+from vtkmuscle.run import store
 from vtkmuscle.run.frames import STAMPS, MuscleTrack, WrittenFile
-from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, MuscleNote, ResultFolder, RunNote, write_note
-from vtkmuscle.run.store.keys import muscle_keys
+from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, TRACK_FIELDS, MuscleNote, ResultFolder, RunNote
 from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.schema_types import checked_name
+
+if TYPE_CHECKING:
+    from vtkmuscle.run.result import Result
 
 #: Tables and pages of a run, beside those that are called after muscles; and its folders, likewise.
 _LISTS = (
@@ -56,13 +50,13 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
     if folder.is_file():
         raise NotADirectoryError(f"{folder} is a file; give another folder for the results")
     report = ResultFolder(folder).report()
-    outputs = Outputs(folder, inputs=scene.files, overwrite=True)  # files of no run are checked below
+    outputs = writing.Outputs(folder, inputs=scene.files, overwrite=True)  # files of no run are checked below
     for path in map(folder.joinpath, _folders([*scene.muscles, *_muscles_of(report)])):
         outputs.check(path, is_folder=True)
     for path in map(folder.joinpath, _files(scene.muscles)):
         outputs.check(path)
     folder.mkdir(parents=True, exist_ok=True)
-    with locked(folder):
+    with writing.locked(folder):
         report = ResultFolder(folder).report()
         _tidy(folder, scene)
         if not overwrite:
@@ -75,17 +69,13 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
 
 def _tidy(folder: Path, scene: SceneData) -> None:
     """Remove the half-written files of killed processes."""
-    remove_left_behind(folder)
+    writing.remove_left_behind(folder)
     for name in _folders(scene.muscles):
-        remove_left_behind(folder / name, deep=True)
+        writing.remove_left_behind(folder / name, deep=True)
 
 
 def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -> None:
-    """Remove an earlier run, but for the muscles in ``kept``, from a claimed folder.
-
-    Removed are files by the names from runs: of the muscles of the scene and of the report, of the noted
-    bones, and the figures listed in the report.
-    """
+    """Remove an earlier run, but for the muscles in ``kept``, from a claimed folder."""
     report = ResultFolder(folder).report() or {}
     notes = folder / FINISHED
     muscles = {*scene.muscles, *_muscles_of(report)}
@@ -170,7 +160,7 @@ class ResultWriter(ResultFolder):
         super().__init__(path.absolute())
         self._times, self._numbers = scene.motion.times, numbers
         self._stamp = scene.name, scene.units, __version__
-        self._keys = muscle_keys(scene, numbers)
+        self._keys = store.muscle_keys(scene, numbers)
         self._series: dict[str, Series] = {}
 
     def kept(self) -> dict[str, MuscleTrack]:
@@ -198,20 +188,13 @@ class ResultWriter(ResultFolder):
         for series, rest in ((name, track.rest), (f"{name}_fibres", track.rest_fibres)):
             if rest is not None:
                 files.append(self.path / FINISHED / f"{series}.vtp")
-                write_polydata(files[-1], rest)
+                writing.write_polydata(files[-1], rest)
             if series in self._series:
                 files.append(self._series[series].collection.path)
-        note = MuscleNote(
-            key=self._keys[name],
-            report=track.report,
-            has_fibres=track.rest_fibres is not None,
-            lengths=track.lengths,
-            fibre_lengths=track.fibre_lengths,
-            rest_lengths=track.rest_lengths,
-            segment_errors=track.segment_errors,
-            files=self._sizes(files),
-        )
-        write_note(self.note_file(name), note)
+        own: dict[str, Any] = {"key": self._keys[name], "has_fibres": track.rest_fibres is not None}
+        own |= {field: getattr(track, field) for field in TRACK_FIELDS}
+        note = MuscleNote(**own, files=self._sizes(files))
+        writing.write_json(self.note_file(name), note.model_dump())
 
     def write_bones(self, scene: SceneData, stop: threading.Event) -> None:
         """Write the bones over time until ``stop``; a bone at rest throughout is written once."""
@@ -220,9 +203,9 @@ class ResultWriter(ResultFolder):
         collection = Pvd(self.path / "bones.pvd")
         still = {name: folder / f"{name}.vtp" for name in scene.bones if name not in scene.motion.transforms}
         for name, bone in scene.bones.items():
-            write_polydata(self.path / FINISHED / "bones" / f"{name}.vtp", bone)
+            writing.write_polydata(self.path / FINISHED / "bones" / f"{name}.vtp", bone)
             if name in still:
-                write_polydata(still[name], self._stamped(bone))
+                writing.write_polydata(still[name], self._stamped(bone))
         for number in self._numbers:
             if stop.is_set():
                 return
@@ -231,7 +214,7 @@ class ResultWriter(ResultFolder):
             for name, bone in blocks_of(mover.update(time=time).output):
                 parts[name] = still.get(name) or folder / name / f"{name}_{number:04d}.vtp"
                 if name not in still:
-                    write_polydata(parts[name], self._stamped(bone))
+                    writing.write_polydata(parts[name], self._stamped(bone))
             collection.add(time, parts)
 
     def write_table(self, name: str, table: Table) -> None:
@@ -240,27 +223,16 @@ class ResultWriter(ResultFolder):
 
     def write_report(self, report: Mapping[str, Any]) -> None:
         """Write report.json."""
-        text = json.dumps(report, indent=1, allow_nan=False, default=plain)
-        write_text(self.path / REPORT, text + "\n")
+        writing.write_json(self.path / REPORT, report, indent=1, allow_nan=False)
 
-    def complete(
-        self, report: Mapping[str, Any], scene: SceneData, tracks: Mapping[str, MuscleTrack]
-    ) -> None:
+    def complete(self, result: Result, bones: Iterable[str]) -> None:
         """Write the last report, and the note of the run."""
-        self.write_report(report)
-        bones = [self.path / FINISHED / "bones" / f"{name}.vtp" for name in scene.bones]
-        muscles = scene.muscles.items()
-        note = RunNote.model_validate(
-            {
-                "report": file_digest(self.path / REPORT),
-                "bones": list(scene.bones),
-                "motion": scene.motion,
-                "literature": {name: tuple(muscle.literature) for name, muscle in muscles},
-                "crosses": {name: one.crosses for name, one in muscles if one.crosses is not None},
-                "files": self._sizes([*bones, self.path / REPORT]),
-            }
-        )
-        write_note(self.note_file(SCENE), note)
+        self.write_report(result.report)
+        files = [self.path / REPORT, *(self.path / FINISHED / "bones" / f"{name}.vtp" for name in bones)]
+        parts = {field: getattr(result, field) for field in ("motion", "literature", "crosses")}
+        digest = writing.file_digest(files[0])
+        note = RunNote(report=digest, bones=list(bones), files=self._sizes(files), **parts)
+        writing.write_json(self.note_file(SCENE), note.model_dump())
 
     def _sizes(self, files: Iterable[Path]) -> dict[str, int]:
         """Return the sizes of files by their paths in the folder."""

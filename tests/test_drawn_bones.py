@@ -10,9 +10,9 @@ from tiny_scene import ellipsoid
 from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import rotation_about
-from vtkmuscle.data import drawn_bones
 from vtkmuscle.data.arrays import checked_surface, multiblock_from, points_of, surface_from, triangles_of
-from vtkmuscle.data.drawn_bones import DrawnBones, clustered
+from vtkmuscle.plotting import views as drawn_bones
+from vtkmuscle.plotting.views import DrawnBones, clustered
 
 
 @pytest.fixture
