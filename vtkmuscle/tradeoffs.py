@@ -184,7 +184,9 @@ def tradeoff(
         folder = Path(temporary if out is None else out)
         table = run_labelled(labelled, folder, client, workers, progress, options)
         messages = dict(zip(table["folder"], table["message"], strict=True))
-        results = [_result(folder / folder_name(labels)) for labels, _ in labelled]
+        folders = [folder / folder_name(labels) for labels, _ in labelled]
+        # A run that has failed as a whole has no report.
+        results = [Result.load(own) if (own / "report.json").is_file() else None for own in folders]
         at_limit = dict(zip(deformers, results[len(tried) :], strict=True))
         rows: list[list[Any]] = []
         for values, result in zip(tried, results, strict=False):
@@ -210,11 +212,6 @@ def _without(scene: Scene, names: set[str]) -> Scene:
     muscles = {name: replace(muscle, solver=rest(muscle.solver)) for name, muscle in scene.muscles.items()}
     scene_wide: dict[str, Any] = {"solver": rest(scene.solver), "paths": rest(scene.paths) or None}
     return replace(scene, muscles=muscles, files={}, **scene_wide)
-
-
-def _result(folder: Path) -> Result | None:
-    """Return the result in a folder, None where the run has failed as a whole."""
-    return Result.load(folder) if (folder / "report.json").is_file() else None
 
 
 def _measured(result: Result, limit: Result | None, name: str) -> dict[str, Any]:

@@ -140,15 +140,15 @@ def _of_mesh(file: Path) -> dict[str, str]:
         return {"points": str(len(points)), "polylines": str(data.GetNumberOfLines()), **size}
     report = survey(points, triangles_of(data, str(file)))
     loose = report.n_unused_points
-    side = "outward" if report.volume > 0 else "inward: the surface is inside out"
+    side = ", outward" if report.volume > 0 else ", inward: the surface is inside out"
+    side = side if report.closed and report.oriented else ""
     return {
         "triangles": str(report.n_triangles),
         "points": f"{report.n_points}" + (f", {loose} of them belong to no triangle" if loose else ""),
         **({"changed": "; ".join(changes)} if changes else {}),
         "closed": _yes(report.closed, f"{report.n_boundary_edges} edges have one triangle"),
         "manifold": _yes(report.manifold, f"{report.n_nonmanifold_edges} edges have more than two triangles"),
-        "oriented": _yes(report.oriented, f"{report.n_misoriented_edges} edges disagree")
-        + (f", {side}" if report.closed and report.oriented else ""),
+        "oriented": _yes(report.oriented, f"{report.n_misoriented_edges} edges disagree") + side,
         "pieces": str(report.n_components),
         "degenerate": f"{report.n_degenerate_triangles} triangles without area",
         "area": f"{report.area:.6g}",

@@ -279,11 +279,9 @@ def locked(folder: Path, *, patience: float = 0.0) -> Iterator[None]:
         except OSError as error:  # a file system without locks
             warnings.warn(f"{folder} cannot be locked ({error.strerror}); start no second run", stacklevel=6)
             break
-        try:
+        with suppress(FileNotFoundError):  # the previous run may have just removed the file
             if os.stat(path).st_ino == os.fstat(descriptor).st_ino:
                 break
-        except FileNotFoundError:  # the previous run has just removed the file
-            pass
         os.close(descriptor)
     try:
         os.ftruncate(descriptor, 0)

@@ -133,23 +133,18 @@ def _frames(result: Result, name: str) -> list[MuscleFrame]:
     finished = result.frames[: result.finished(name)]
     reasons = result.report["muscles"][name].get("verdict", {}).get("reasons", ())
     worst = [reason["frame"] for reason in reasons[:1] if reason["frame"] in finished]
-    frames = []
+    frames, span = [], float(np.ptp(result.motion.times)) or 1.0
+    word, _, unit = result.time_label.partition(" [")
     for number in sorted({finished[0], *(worst or [finished[(len(finished) - 1) // 2]]), finished[-1]}):
         fibres = result.fibres(name, frame=number)
         volumes = result.report["deformer"] != "none"
         muscle = result.muscle(name, frame=number) if volumes else fibre_surface(fibres)
         moved = result.motion.at(float(result.motion.times[number]))
-        frames.append(MuscleFrame(muscle, moved, fibres, _at(result, number)))
+        # To a hundredth of the span: ``time 3``, or ``hip flexion 30 deg``.
+        rounded = round(float(result.motion.times[number]), max(0, 2 - math.ceil(math.log10(span)))) + 0.0
+        at = f"{word} {rounded:g} {unit.removesuffix(']')}".strip()
+        frames.append(MuscleFrame(muscle, moved, fibres, at))
     return frames
-
-
-def _at(result: Result, frame: int) -> str:
-    """Return the time of a frame to a hundredth of the span: ``time 3``, or ``hip flexion 30 deg``."""
-    times = result.motion.times
-    span = float(np.ptp(times)) or 1.0
-    name, _, unit = result.time_label.partition(" [")
-    rounded = round(float(times[frame]), max(0, 2 - math.ceil(math.log10(span)))) + 0.0
-    return f"{name} {rounded:g} {unit.removesuffix(']')}".strip()
 
 
 def film_of(
