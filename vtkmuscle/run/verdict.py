@@ -19,8 +19,7 @@ from vtkmuscle.data import toml_table
 from vtkmuscle.data.anatomy import PERSONAL, published, published_coordinate
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.run.frames import MuscleTrack
-from vtkmuscle.scene.data import SceneData
-from vtkmuscle.scene.faults import SceneError
+from vtkmuscle.scene.data import SceneData, SceneError
 from vtkmuscle.scene.sense import FULL_SIZE
 
 

@@ -22,8 +22,7 @@ from vtkmuscle.joints import grid_of, steps_of
 from vtkmuscle.joints.functions import IDENTITY, CoordinateFunction, CubicSpline, Polynomial
 from vtkmuscle.joints.osim import read_motion_file, read_tree
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
-from vtkmuscle.scene.data import MILLIMETRES
-from vtkmuscle.scene.faults import Faults, SceneError, SceneFiles, errors_at
+from vtkmuscle.scene.data import MILLIMETRES, Faults, SceneError, SceneFiles, errors_at
 from vtkmuscle.scene.schema import ALONE, MOST_FRAMES, Motion, SceneTable
 from vtkmuscle.scene.schema_types import Axis, Function, JointTable, OpenSimTable
 

@@ -20,8 +20,7 @@ from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.anatomy import JOINTS, stem_of
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
-from vtkmuscle.scene.data import MILLIMETRES, Anatomy, Muscle, RestSurface, SceneData
-from vtkmuscle.scene.faults import Finding, SceneError
+from vtkmuscle.scene.data import MILLIMETRES, Anatomy, Finding, Muscle, RestSurface, SceneData, SceneError
 
 #: Plausible longest sides of all bones and muscles [mm]: the tallest person was 2720 mm. Ten times the length
 #: is certainly in another unit.

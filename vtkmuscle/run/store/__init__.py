@@ -23,8 +23,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import multiblock_from, points_of
 from vtkmuscle.io.literature import LiteratureCurve
-from vtkmuscle.io.surfaces import read_polydata
-from vtkmuscle.io.temporal import read_series
+from vtkmuscle.io.surfaces import read_polydata, read_series
 from vtkmuscle.io.writing import file_digest
 from vtkmuscle.run.frames import RUN_AGAIN, TIME, Frames, MuscleTrack, WrittenFile
 from vtkmuscle.run.report_values import version_of
