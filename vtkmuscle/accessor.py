@@ -1,8 +1,4 @@
-"""The PyVista accessor ``mesh.muscle``.
-
-Filters are methods of a mesh. PyVista loads the accessor by the entry point group ``pyvista.accessors``,
-without an import.
-"""
+"""The PyVista accessor ``mesh.muscle``, found by PyVista through the entry point ``pyvista.accessors``."""
 
 from __future__ import annotations
 

@@ -78,8 +78,7 @@ class Comparison:
         from vtkmuscle.plotting.sheets import blank_figure  # noqa: PLC0415
 
         across = max(map(len, self.curves.values()))
-        figure = blank_figure(_WIDTH * across, _HEIGHT * len(self.curves) + 0.5)
-        figure.set_layout_engine("constrained")
+        figure = blank_figure(_WIDTH * across, _HEIGHT * len(self.curves) + 0.5, "constrained")
         panels = figure.subplots(len(self.curves), across, squeeze=False)
         for row, (muscle, quantities) in zip(panels, self.curves.items(), strict=True):
             for axes in row[len(quantities) :]:

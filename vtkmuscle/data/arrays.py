@@ -15,6 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkDataObject, vtkMultiB
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import edge_uses
 from vtkmuscle.core.types import Floats, Ints
 
@@ -149,6 +150,11 @@ class Polylines:
 
     def __len__(self) -> int:
         return len(self.offsets) - 1
+
+    @property
+    def lengths(self) -> Floats:
+        """Length of each line (k,)."""
+        return polyline_lengths(self.points, self.offsets)
 
     def line(self, i: int) -> Floats:
         """Return the points of line i, a view."""

@@ -156,12 +156,8 @@ class Outputs:
             partial.replace(path)
 
     def _record(self) -> dict[str, list[str]]:
-        try:
-            record = json.loads((self.folder / RECORD).read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError):
-            return {}
-        good = isinstance(record, dict) and all(isinstance(each, list) for each in record.values())
-        return record if good else {}
+        record = record_in(self.folder / RECORD)
+        return record if all(isinstance(each, list) for each in record.values()) else {}
 
     def _is_recorded(self, path: Path) -> bool:
         inside = self.folder in path.parents
@@ -220,6 +216,15 @@ def write_text(path: Path, text: str) -> None:
 def write_json(path: Path, value: Any, **options: Any) -> None:
     """Write a JSON file, all or nothing; numbers and arrays of NumPy are written as Python's."""
     write_text(path, json.dumps(value, default=plain, **options) + "\n")
+
+
+def record_in(path: Path) -> dict[str, Any]:
+    """Return the mapping in a JSON file, empty if missing or damaged."""
+    try:
+        record = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return record if isinstance(record, dict) else {}
 
 
 def write_polydata(path: Path, data: vtkPolyData) -> None:

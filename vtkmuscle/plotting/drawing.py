@@ -1,7 +1,4 @@
-"""Figures to be drawn, and the test of off-screen rendering.
-
-A faulty driver may end the process in VTK, so a child process renders first.
-"""
+"""Figures to be drawn, and a test of off-screen rendering in a child process that a driver may end."""
 
 from __future__ import annotations
 

@@ -18,7 +18,6 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
@@ -111,11 +110,10 @@ def plot_muscle(
     hiding = [bones.spread(frame.transforms) for frame in frames]
     view = views.clearest_view([frame.muscle for frame in frames], hiding)
     strains: list[Floats] = []
-    limit = 1.0
+    limit, fibres = 1.0, [frame.fibres for frame in frames if frame.fibres is not None]
     if rest_fibres is not None:
-        rest_lengths = np.maximum(_lengths(rest_fibres), 1e-12)
-        fibres = [frame.fibres for frame in frames if frame.fibres is not None]
-        strains = [100.0 * (_lengths(lines) / rest_lengths - 1.0) for lines in fibres]
+        rest, *every = (polylines_of(data, "plotting: fibres").lengths for data in (rest_fibres, *fibres))
+        strains = [100.0 * (lengths / np.maximum(rest, 1e-12) - 1.0) for lengths in every]
         limit = max(limit, float(np.percentile(np.abs(strains), 98))) if strains else limit
     panels = []
     for frame, strain in zip_longest(frames, strains):
@@ -192,11 +190,6 @@ def _lines(x: Floats, values: Floats, **look: Any) -> LineCollection:
     """Return thin lines (n, k) over x (n,), as a collection for speed."""
     points = np.stack([np.broadcast_to(x[:, None], values.shape), values], axis=2)
     return LineCollection(list(points.swapaxes(0, 1)), linewidths=0.7, **look)
-
-
-def _lengths(fibres: vtkPolyData) -> Floats:
-    lines = polylines_of(fibres, "plotting: fibres")
-    return polyline_lengths(lines.points, lines.offsets)
 
 
 #: Height of the panels, and of the picture next to the panels [inches].

@@ -56,10 +56,7 @@ class Panel:
 
 
 class Pixels(Artist):
-    """An image (height, width, 3) on a figure, pixel for pixel.
-
-    ``corner`` is the lower left corner [inches].
-    """
+    """An image (height, width, 3) on a figure, pixel for pixel, at a lower left corner [inches]."""
 
     def __init__(self, image: NDArray[np.uint8], corner: tuple[float, float]) -> None:
         super().__init__()
@@ -108,9 +105,9 @@ def sheet(panels: Sequence[Panel], title: str, units: str, *, legend: Sequence[s
     return figure
 
 
-def blank_figure(width: float, height: float) -> Figure:
-    """Return a white figure of a size [inches]."""
-    figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, facecolor="white")
+def blank_figure(width: float, height: float, layout: Any = None) -> Figure:
+    """Return a white figure of a size [inches], with a layout of matplotlib."""
+    figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, facecolor="white", layout=layout)
     FigureCanvasAgg(figure)
     return figure
 

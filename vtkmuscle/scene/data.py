@@ -277,10 +277,7 @@ def parsed(path: Path) -> dict[str, Any]:
 
 
 class SceneFiles:
-    """Paths of a scene's files by dotted key.
-
-    Texts in the scene are paths relative to the folder of the scene file.
-    """
+    """Paths of a scene's files by dotted key; texts are relative to the scene file's folder."""
 
     def __init__(self, path: Path) -> None:
         self.paths = {"": path}

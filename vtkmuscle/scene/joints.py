@@ -93,10 +93,7 @@ _STEP = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class SceneJoints:
-    """A scene's kinematic tree, and the body of each bone.
-
-    ``frame`` is the body with the scene's frame at rest, ``fixed`` the body that does not move.
-    """
+    """A scene's kinematic tree and bodies of bones; ``frame`` has the scene's frame, ``fixed`` rests."""
 
     tree: KinematicTree
     bodies: dict[str, str]

@@ -87,7 +87,9 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     if scene.muscle_contact != "off":
         yield from _twice(anatomy)
     yield from _guessed(scene)
-    yield from motion_findings(scene, anatomy)
+    yield from _coordinates(scene)
+    yield from _steps(scene, anatomy)
+    yield from _gaps(scene, anatomy)
 
 
 def _position(point: Any) -> str:
@@ -251,13 +253,6 @@ JOINT_GAP = 0.02
 TORN = 2.0
 #: Poses and points of a bone for gaps between bones.
 _GAP_POSES, _GAP_POINTS = 8, 2000
-
-
-def motion_findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
-    """Yield the implausible parts of a scene's motion."""
-    yield from _coordinates(scene)
-    yield from _steps(scene, anatomy)
-    yield from _gaps(scene, anatomy)
 
 
 def _turns(scene: SceneData, name: str) -> dict[str, Floats]:
