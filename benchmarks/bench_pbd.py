@@ -25,11 +25,11 @@ import pyvista as pv
 
 from vtkmuscle import Scene
 from vtkmuscle.core.fixed_muscle import FixedMuscle
-from vtkmuscle.core.mesh.rest_shape import dihedral_angles
+from vtkmuscle.core.mesh.rest_shape import dihedral_angles, project_volume
 from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.pbd.solver import Parameters, PBDSolver
-from vtkmuscle.core.pbd.sweep import project_edges, project_volume
+from vtkmuscle.core.pbd.sweep import project_edges
 from vtkmuscle.data.arrays import checked_surface, field_array, points_of
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
 from vtkmuscle.pipelines import decompose
@@ -117,12 +117,12 @@ def kernels(hip):
         points, triangles = checked_surface(hip.muscle(name, mesh), name)
         free = np.full(len(points), -1)
         solver = PBDSolver(FixedMuscle(points, triangles, free), Parameters())
-        p, mass = np.vstack([solver.rest, np.zeros(3)]), np.ones(len(points))
+        p = np.vstack([solver.rest, np.zeros(3)])
 
-        def iterate(solver=solver, p=p, mass=mass):
+        def iterate(solver=solver, p=p):
             p[:-1] = solver.rest
             project_edges(p, solver.rows.points, solver.rows.constants, True, True, True, solver._buffer)
-            project_volume(p, mass, *solver._volume)
+            project_volume(p[:-1], *solver._volume)
 
         plain = naive_of(points, triangles)
         turns = [(milliseconds(iterate, 5), milliseconds(plain, 5)) for _ in range(REPEATS // 5)]

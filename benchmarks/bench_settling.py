@@ -19,7 +19,7 @@ from real_hip import data_folder
 from vtkmuscle import Scene
 from vtkmuscle.core.bones.bone import depth_in
 from vtkmuscle.core.fixed_muscle import FixedMuscle
-from vtkmuscle.core.skinning import settling
+from vtkmuscle.core.skinning import carried_muscle
 from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle
 from vtkmuscle.data.moving_bones import fixed_points_of, rest_bones_of
 from vtkmuscle.data.muscle_geometry import surface_of
@@ -65,8 +65,8 @@ def front(scene: Scene, name: str, every: int) -> None:
     print(name)
     print("  rounds spread  angles   edge    way  depth   volume     ms")
     for spread in SPREADS:
-        settling.SPREAD = spread
-        one = settling.Settling(shape, fixed_to, bones)
+        carried_muscle.SPREAD = spread
+        one = carried_muscle.Settling(shape, fixed_to, bones)
         for rounds in ROUNDS:
             figures, took = [], []
             for carried, transforms in poses:

@@ -14,7 +14,7 @@ from vtkmuscle import Scene, phantoms
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
-from vtkmuscle.core.skinning.settling import Settling
+from vtkmuscle.core.skinning.carried_muscle import Settling
 from vtkmuscle.data.arrays import add_arrays, blocks_of, multiblock_from, points_of, surface_from, with_points
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PathDeformer, TautPaths
 from vtkmuscle.pipelines import decompose, deform
@@ -35,7 +35,7 @@ def held_torus(n_triangles: int) -> tuple[Any, Any, Any, Any]:
 def settling_of(n_triangles: int) -> Callable[[], object]:
     """Return the settling, in five rounds, of a mesh of about so many triangles."""
     points, mass, topology, moved = held_torus(n_triangles)
-    settling = Settling(RestShape(points, topology), np.where(mass > 0.0, -1, 0))
+    settling = Settling(RestShape(points, topology), np.where(mass > 0.0, -1, 0), {})
     still = np.eye(4)[None]
     return lambda: settling.settle(moved, still, rounds=5)
 

@@ -16,14 +16,13 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-from common import PRINTED, STEP, Case, Floats, Table, angles_up_to, main, value
+from common import PRINTED, STEP, Case, Floats, Table, angles_up_to, curves, main, value
 from published_loop import run
 
 from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology
 from vtkmuscle.core.pbd import solver
-from vtkmuscle.core.pbd.anisotropy import edge_stiffness, fibre_directions_at
+from vtkmuscle.core.pbd.sweep import edge_stiffness, fibre_directions_at
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, polylines_of
-from vtkmuscle.plotting.sheets import curves
 
 #: Iterations, counted from 0: the tenth is 9.
 SHOWN = (0, 1, 2, 4, 9, 24, 49, 99)
@@ -88,7 +87,9 @@ def once_per_step(case: Case, iterations: int, settings: dict[str, Any]) -> Trac
     for angle in flexions(case):
         moves: list[float] = []
         try:
-            with recorded(moves, lambda: points_of(chain.deformer.output) - chain.deformer._solver.centre):
+            with recorded(
+                moves, lambda: points_of(chain.deformer.output) - chain.deformer._kept["solver"][1][0].centre
+            ):
                 muscle = chain.at(angle)
         except ValueError:  # the muscle left the range of numbers: that is what is looked for
             longest = None

@@ -130,7 +130,7 @@ def run(
             p = x + v
             _project_lengths(p, w, edges, lengths, powers)
             # Fixed points take their part of the volume's correction there, and are put back.
-            project_volume(p, ones, triangles, volume, 0.0, gradient)
+            project_volume(p, ones, ones, triangles, volume, 1.0, 0.0, gradient)
             corrected += _project_angles(p, w, quads, angles)
             p[~free] = x[~free]
             v = p - x

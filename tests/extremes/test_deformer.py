@@ -12,7 +12,7 @@ from vtkmuscle import Scene
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology, signed_volume, unique_edges
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, rotation_about
-from vtkmuscle.core.skinning.settling import Settling
+from vtkmuscle.core.skinning.carried_muscle import Settling
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
 from vtkmuscle.phantoms.meshing import box
@@ -248,7 +248,7 @@ def settled_from(positions):
     """Return V / V0 of a muscle that is carried to positions that no muscle has."""
     points, triangles = tube()
     fixed_to = fixed_ends(points).astype(np.int64)
-    settling = Settling(RestShape(points, mesh_topology(len(points), triangles)), fixed_to)
+    settling = Settling(RestShape(points, mesh_topology(len(points), triangles)), fixed_to, {})
     carried = positions(points, fixed_to < 0)
     surface = settling.settle(carried, np.array([np.eye(4)] * 2), rounds=5).surface
     assert np.isfinite(surface).all()

@@ -10,7 +10,7 @@ from test_pbd_deformer import bones, spindle
 
 from vtkmuscle.core import fixed_muscle
 from vtkmuscle.core.motion.rigid import hinge
-from vtkmuscle.core.pbd import solver, voxels
+from vtkmuscle.core.pbd import solver, sweep, voxels
 from vtkmuscle.filters.base.history import Checkpoints
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
@@ -102,7 +102,7 @@ def work(monkeypatch):
     count = functools.partial(count_calls, monkeypatch, done)
     count(fixed_muscle, "mesh_topology", "topology")
     count(solver, "RestShape", "rest shape")
-    count(solver, "harmonic_directions", "fibre directions")
+    count(sweep, "harmonic_directions", "fibre directions")
     count(voxels, "build_voxel_grid", "voxels")
     count(solver.PBDSolver, "step", "frames")
     return done

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
 from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, mesh_topology, signed_volume
 from vtkmuscle.core.paths.via_rings import ViaRing
@@ -16,8 +12,7 @@ from vtkmuscle.core.types import Floats, Ints
 Lines = tuple[Floats, Ints]
 
 
-@dataclass(frozen=True, eq=False)
-class FixedMuscle:
+class FixedMuscle(NamedTuple):
     """A muscle at rest, with fixed points and fibres."""
 
     points: Floats  # (n, 3) [mm]
@@ -26,17 +21,6 @@ class FixedMuscle:
     fibres: Lines | None = None
     #: Via rings that the fibres pass through, each with its bone.
     rings: tuple[tuple[int, ViaRing], ...] = ()
-
-    def same_as(self, other: FixedMuscle | None) -> bool:
-        """Return whether ``other`` has equal content."""
-        if other is None or [bone for bone, _ in self.rings] != [bone for bone, _ in other.rings]:
-            return False
-        pair = self._arrays(), other._arrays()
-        return len(pair[0]) == len(pair[1]) and all(map(np.array_equal, *pair))
-
-    def _arrays(self) -> list[NDArray[Any]]:
-        rings = (part for _, ring in self.rings for part in ring)
-        return [self.points, self.triangles, self.fixed_to, *(self.fibres or ()), *rings]
 
     def topology(self) -> MeshTopology:
         """Return the surface's edges; a surface without volume raises a ValueError."""

@@ -3,7 +3,7 @@
 Fibres are Bezier curves with parameters (r, s) in [0, 1]^2. The k-th control point of a fibre lies on the
 k-th *sheet* of a template, a bilinear patch with corners at (r, s) = (0, 0), (1, 0), (1, 1) and (0, 1). The
 first sheet is the origin area, the last sheet the insertion area. Several parts of a template share the range
-of r equally. The kinds are written out in :data:`TEMPLATES`:
+of r equally. The kinds are written out in ``templates.toml``:
 
 ``parallel``
     Straight fibres from the whole bottom (z = 0) to the whole top (z = 1).
@@ -44,6 +44,7 @@ import json
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib.resources import files
 from math import comb
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -62,8 +63,6 @@ from vtkmuscle.core.types import Floats, Ints
 
 #: Degrees of the Bezier curves.
 DEGREES = (2, 3, 4)
-#: A range of coordinates, taken at parameter 0 and at parameter 1.
-Range = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,41 +120,6 @@ def sobol_points(n: int) -> Floats:
     return np.asarray(sobol(n, 2) + 0.5 / 2**exponent)
 
 
-def _level(z: float, *, x: Range = (0.0, 1.0), y: Range = (0.0, 1.0)) -> Floats:
-    """Return a horizontal sheet. x runs with r, y with s."""
-    return np.array([[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]])
-
-
-def _wall(x: float, *, z: Range) -> Floats:
-    """Return an upright sheet across the cube. z runs with r, y with s."""
-    return np.array([[x, 0.0, z[0]], [x, 0.0, z[1]], [x, 1.0, z[1]], [x, 1.0, z[0]]])
-
-
-def _template(*parts: list[Floats]) -> FibreTemplate:
-    return FibreTemplate(tuple(map(np.array, parts)))
-
-
-#: The sheets of every kind, from the origin area to the insertion area.
-TEMPLATES = {
-    "parallel": _template([_level(0.0), _level(0.5), _level(1.0)]),
-    "pennate": _template([_wall(0.0, z=(0.0, 0.5)), _wall(0.5, z=(0.25, 0.75)), _wall(1.0, z=(0.5, 1.0))]),
-    "bipennate": _template(
-        [_wall(0.0, z=(0.0, 0.5)), _wall(0.25, z=(0.25, 0.75)), _wall(0.5, z=(0.5, 1.0))],
-        [_wall(1.0, z=(0.0, 0.5)), _wall(0.75, z=(0.25, 0.75)), _wall(0.5, z=(0.5, 1.0))],
-    ),
-    "curved": _template(
-        [_level(z, x=(x, 1.0)) for z, x in ((0.0, 0.0), (0.25, 0.3), (0.5, 0.6), (0.75, 0.3), (1.0, 0.0))]
-    ),
-    "fan": _template(
-        [
-            _level(z, x=(x, 1 - x), y=(y, 1 - y))
-            for z, x, y in ((0.0, 0.0, 0.0), (1 / 3, 0.05, 0.05), (2 / 3, 0.3, 0.2), (1.0, 0.35, 0.25))
-        ]
-    ),
-}
-KINDS = tuple(TEMPLATES)
-
-
 def read_template(path: str | Path) -> FibreTemplate:
     """Return the template in a ``.toml`` or ``.json`` file.
 
@@ -168,14 +132,10 @@ def read_template(path: str | Path) -> FibreTemplate:
     try:
         check_is_file(file, most=MOST_TEXT)
         text = file.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        problem, remedy = fault_of(error)
-        raise InputError("", f"the template {file} cannot be read: {problem}", remedy) from error
-    try:
         content = tomllib.loads(text) if file.suffix == ".toml" else json.loads(text)
-    except (ValueError, RecursionError) as error:  # no TOML or JSON, an endless number, too many brackets
-        kind = file.suffix[1:].upper()
-        raise InputError("", f"the template {file} is not {kind}: {fault_of(error)[0]}") from error
+    except (OSError, ValueError, RecursionError) as error:  # also an endless number, too many brackets
+        (problem, remedy), kind = fault_of(error), file.suffix[1:].upper()
+        raise InputError("", f"the template {file} cannot be read as {kind}: {problem}", remedy) from error
     return template_from(content, file)
 
 
@@ -220,6 +180,12 @@ def _sheets(value: Any, where: str | Path, key: str) -> Floats:
     if np.array_equal(sheets[0], sheets[-1]):
         raise InputError(where, f"{key}: the origin area and the insertion area are the same")
     return sheets
+
+
+_KINDS = tomllib.loads((files("vtkmuscle.core") / "templates.toml").read_text(encoding="utf-8"))
+#: The template of each kind.
+TEMPLATES = {kind: template_from(content, "templates.toml") for kind, content in _KINDS.items()}
+KINDS = tuple(TEMPLATES)
 
 
 #: Costs equal within this difference tie, as a template's symmetries do; the first box counts.

@@ -10,3 +10,9 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 #: Function of arrays, such as a map of positions.
 FloatMap = Callable[[Floats], Floats]
+#: Takes the finished part of a computation, from 0 to 1; may raise, to stop.
+Progress = Callable[[float], None]
+
+
+def quiet(part: float) -> None:
+    """Take the finished part of a computation, without a report."""

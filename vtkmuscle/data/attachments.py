@@ -52,6 +52,9 @@ class AttachmentArea:
     confidence: float | None = None
 
 
+Areas = list[AttachmentArea]
+
+
 def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
     """Return areas as a data set: rings are closed polylines, curves open."""
     blocks = {}

@@ -113,14 +113,9 @@ def estimated_areas(
     if len(named) > len(set(named)):
         raise InputError("", f"origin and insertion are both {origin!r}", "name two bones")
     points, triangles = checked_surface(muscle, "muscle")
-    ends = attached_ends(
-        points,
-        triangles,
-        {name: _distances(points, name, bone, FAR_END * within) for name, bone in bones.items()},
-        within=within,
-        between=named,
-        bodies=() if named else bodies,
-    )
+    distances = {name: _distances(points, name, bone, FAR_END * within) for name, bone in bones.items()}
+    bodies = () if named else bodies
+    ends = attached_ends(points, triangles, distances, within=within, between=named, bodies=bodies)
     if origin == ends[1].bone or insertion == ends[0].bone:
         ends = ends[::-1]
     areas = []

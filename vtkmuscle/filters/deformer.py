@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -11,14 +12,14 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone, depth_in
 from vtkmuscle.core.fixed_muscle import FixedMuscle
-from vtkmuscle.core.mesh.rest_shape import RestShape
+from vtkmuscle.core.mesh.rest_shape import RestShape, ShapeReport
 from vtkmuscle.core.pbd.solver import PUBLISHED, Parameters, State
 from vtkmuscle.core.pbd.voxels import DEFAULT_N_MAX, MOST_N_EQUAL
 from vtkmuscle.core.skinning.carried_muscle import CarriedPose
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import add_arrays, field_array, with_points
 from vtkmuscle.filters.base.docstrings import entry
-from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.parameters import Parameter, quality_of
 
 _DEFAULT = Parameters()
 
@@ -41,6 +42,10 @@ PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
 )
 
 _WITH_VELOCITY = "prediction", "velocity"
+
+#: Numbers of voxels, declared alike by the filters with voxels.
+N_VOXELS = partial(Parameter[int], int, default=DEFAULT_N_MAX, minimum=1, maximum=MOST_N_EQUAL**3)
+N_VOXELS_PER_AXIS = partial(Parameter[int | None], int, default=None, minimum=1, maximum=MOST_N_EQUAL)
 
 
 def _of_solver(name: str, units: str = "", **more: Any) -> Parameter[Any]:
@@ -78,7 +83,7 @@ class DeformerSettings:
         Memory for stored frames; the last two are kept even with 0.
     """
 
-    quality: Parameter[str | None] = Parameter(str, default=None, choices=tuple(PRESETS), sets=PRESETS)
+    quality = quality_of(PRESETS)
     iterations = _of_solver("iterations", minimum=1, maximum=10_000)
     solved_triangles = Parameter(int, default=3000, minimum=0, maximum=10**8)
     prediction = _of_solver("prediction", choices=("bones", "velocity"))
@@ -91,12 +96,8 @@ class DeformerSettings:
     volume_stiffness = _of_solver("volume_stiffness", minimum=0.0, maximum=1.0)
     collision = Parameter(str, default="sdf", choices=("sdf", "voxel", "off"))
     bone_clearance = Parameter(float, default=0.0, minimum=0.0, units="mm", only_with=("collision", "sdf"))
-    n_voxels = Parameter(
-        int, default=DEFAULT_N_MAX, minimum=1, maximum=MOST_N_EQUAL**3, only_with=("collision", "voxel")
-    )
-    n_voxels_per_axis: Parameter[int | None] = Parameter(
-        int, default=None, minimum=1, maximum=MOST_N_EQUAL, only_with=("collision", "voxel")
-    )
+    n_voxels = N_VOXELS(only_with=("collision", "voxel"))
+    n_voxels_per_axis: Parameter[int | None] = N_VOXELS_PER_AXIS(only_with=("collision", "voxel"))
     bone_push = _of_solver("bone_push", choices=("transform", "off"), only_with=("collision", "voxel"))
     dt = _of_solver("dt", "s", above=0.0, maximum=1000.0, only_with=_WITH_VELOCITY)
     velocity_kept = _of_solver("velocity_kept", minimum=0.0, maximum=1.0, only_with=_WITH_VELOCITY)
@@ -113,14 +114,8 @@ def solver_parameters(settings: Mapping[str, Any]) -> Parameters:
     return Parameters(**{name: value for name, value in settings.items() if name in names})
 
 
-#: Field arrays of a shape report.
-SHAPE = {
-    "VolumeRatio": "volume_ratio",
-    "EdgeStretchP95": "edge_stretch_p95",
-    "EdgeStretchMax": "edge_stretch_max",
-    "DihedralErrorP95": "dihedral_error_p95",
-    "DegenerateEdges": "degenerate_edges",
-}
+#: Attributes of a shape report by field array: VolumeRatio for volume_ratio, and so on.
+SHAPE = {"".join(map(str.capitalize, name.split("_"))): name for name in ShapeReport.__annotations__}
 #: Keys of a row of figures, by field array.
 FIGURES = SHAPE | {
     "DihedralErrorP95": "dihedral_error_p95_deg",

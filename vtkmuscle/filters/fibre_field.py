@@ -102,24 +102,18 @@ class FibreField(Filter):
             problem = f"no {self.at} of {len(positions)} are in the muscle; the mesh is in {_box(positions)}"
             remedy = "use the same frame and unit for both"
             raise InputError("mesh", f"{problem}, the fibres in {_box(fibres.points)}", remedy)
-        arrays: dict[str, NDArray[Any]] = {
-            "FibreDirection": directions,
-            "FibreDistance": distances,
-            "InMuscle": inside.astype(np.uint8),
-        }
-        return add_arrays(shallow_copy(mesh), **{self.at: arrays})
+        arrays: dict[str, NDArray[Any]] = {"FibreDirection": directions, "FibreDistance": distances}
+        return add_arrays(shallow_copy(mesh), **{self.at: arrays | {"InMuscle": inside.astype(np.uint8)}})
 
     def _positions(self, mesh: vtkDataSet) -> Floats:
         """Return cell centres or points (n, 3); grids store neither."""
         if self.at == "cells":
             reader, count = vtkCellCenters(), mesh.GetNumberOfCells()
         else:
-            reader, count = vtkMaskPoints(), mesh.GetNumberOfPoints()
-            reader.SetOnRatio(1)
-            reader.SetOutputPointsPrecision(vtkMaskPoints.DOUBLE_PRECISION)
-        reader.SetInputData(mesh)
-        reader.Update()
-        positions = points_of(reader.GetOutput())
+            reader, count = vtkMaskPoints(on_ratio=1), mesh.GetNumberOfPoints()
+            reader.output_points_precision = vtkMaskPoints.DOUBLE_PRECISION
+        reader.input_data = mesh
+        positions = points_of(reader.update().output)
         if not count:
             raise InputError("mesh", f"the mesh has no {self.at}")
         if len(positions) != count or not np.isfinite(positions).all():

@@ -19,7 +19,7 @@ from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_deformed, triangle_tree
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, cell_array
-from vtkmuscle.data.attachments import AttachmentArea
+from vtkmuscle.data.attachments import Areas
 from vtkmuscle.data.muscle_geometry import Surface, inner_areas
 from vtkmuscle.data.paths import PathLines, add_path_arrays
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
@@ -99,11 +99,7 @@ class FibreMetrics(Filter):
     _bent: TriangleTree | None = None
 
     def execute(
-        self,
-        fibres: Polylines,
-        muscle: Surface | None,
-        attachments: list[AttachmentArea] | None,
-        paths: PathLines | None,
+        self, fibres: Polylines, muscle: Surface | None, attachments: Areas | None, paths: PathLines | None
     ) -> vtkPolyData:
         """Return the fibres with their measures."""
         lengths = polyline_lengths(fibres.points, fibres.offsets)
@@ -121,9 +117,7 @@ class FibreMetrics(Filter):
             self._measure_muscle(result, fibres, lengths, muscle)
         return add_arrays(result, fields={"LengthMean": lengths.mean(), "LengthSD": lengths.std()})
 
-    def _pennation(
-        self, lines: Polylines, muscle: Surface, areas: list[AttachmentArea] | None
-    ) -> tuple[Floats, Floats]:
+    def _pennation(self, lines: Polylines, muscle: Surface, areas: Areas | None) -> tuple[Floats, Floats]:
         """Return the angles of fibre ends to the surface, (k,) each [degrees]."""
         points, triangles = muscle.points, muscle.triangles
         if areas is not None:
@@ -161,13 +155,9 @@ class FibreMetrics(Filter):
         angles = angles_to(lines.points, lines.offsets, direction)
         volume = abs(signed_volume(muscle.points, muscle.triangles))
         area, along = physiological_cross_section(volume, lengths, angles)
-        fields = {
-            "MuscleVolume": volume,
-            "LineOfAction": direction,
-            "CentroidPath": centroid_path(lines.points, lines.offsets, PATH_POINTS),
-            "PCSA": area,
-            "PCSALine": along,
-        }
+        path = centroid_path(lines.points, lines.offsets, PATH_POINTS)
+        fields = {"MuscleVolume": volume, "LineOfAction": direction, "CentroidPath": path}
+        fields |= {"PCSA": area, "PCSALine": along}
         add_arrays(result, cells={"LineAngle": angles}, fields=fields)
 
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.spreading import cloud, move_ends, smooth_about_course, steps_to_centres
-from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
+from vtkmuscle.core.mesh.polylines import inner_points, polyline_lengths, smooth_polylines
 from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array, field_string
-from vtkmuscle.data.attachments import ROLES, AttachmentArea
+from vtkmuscle.data.attachments import ROLES, Areas
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
@@ -88,9 +87,7 @@ class FibreSmoother(Filter):
     attachments = ports.Areas(optional=True)
     output = OutputPort(vtkPolyData)
 
-    def execute(
-        self, fibres: Polylines, muscle: Surface | None, attachments: list[AttachmentArea] | None
-    ) -> vtkPolyData:
+    def execute(self, fibres: Polylines, muscle: Surface | None, attachments: Areas | None) -> vtkPolyData:
         """Return the smoothed fibres."""
         points, offsets = fibres.points, fibres.offsets
         if muscle is not None:
@@ -103,9 +100,7 @@ class FibreSmoother(Filter):
         change = polyline_lengths(smoothed, offsets) - polyline_lengths(points, offsets)
         return add_arrays(fibres.moved(smoothed), cells={"LengthChange": change})
 
-    def _in_muscle(
-        self, lines: Polylines, geometry: MuscleGeometry, attachments: list[AttachmentArea] | None
-    ) -> Floats:
+    def _in_muscle(self, lines: Polylines, geometry: MuscleGeometry, attachments: Areas | None) -> Floats:
         """Return smoothed and spread points, projected into the muscle."""
         spreading = self.spreading
         if spreading is None:
@@ -116,9 +111,7 @@ class FibreSmoother(Filter):
         areas: list[PatchSamples | None] = [None, None]
         if attachments is not None:
             areas = [geometry.on(geometry.attached(attachments, role)) for role in ROLES]
-        ends = lines.offsets[:-1], lines.offsets[1:] - 1
-        inner = np.ones(len(lines.points), dtype=np.bool_)
-        inner[ends[0]] = inner[ends[1]] = False
+        ends, inner = (lines.offsets[:-1], lines.offsets[1:] - 1), inner_points(lines.offsets)
         n_samples = max(SAMPLES * len(lines), LEAST_SAMPLES) if spreading and self.smoothing_passes else 0
         samples = geometry.samples(n_samples)
         within = geometry.once("cloud", (len(samples),), lambda: cloud(samples)) if len(samples) else None

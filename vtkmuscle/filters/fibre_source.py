@@ -14,9 +14,8 @@ from vtkmuscle.core.fibres.between_areas import (
     straight_fibres,
 )
 from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
-from vtkmuscle.data.attachments import ROLES, Aponeurosis, AttachmentArea, aponeuroses_of, areas_of_role
+from vtkmuscle.data.attachments import ROLES, Aponeurosis, Areas, aponeuroses_of, areas_of_role
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface, aponeurosis_surfaces, attached_surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
@@ -114,7 +113,7 @@ class FibreSource(Filter):
     def execute(
         self,
         muscle: Surface,
-        attachments: list[AttachmentArea] | None,
+        attachments: Areas | None,
         superficial: vtkPolyData | None,
         aponeuroses: list[Aponeurosis] | None,
     ) -> vtkPolyData:
@@ -140,15 +139,19 @@ class FibreSource(Filter):
         if suits or self.course == "straight" or aponeuroses is not None:
             bent = outside > 0.0
             fibres[bent] = bend_inside(fibres[bent], geometry.solids.into)
-            result = _straight(fibres, bent)
+            lines = Polylines(fibres.reshape(-1, 3), np.arange(len(fibres) + 1) * fibres.shape[1])
+            result = add_arrays(
+                polylines_from(lines),
+                points={"t": np.tile(np.linspace(0.0, 1.0, fibres.shape[1]), len(fibres))},
+                cells={"FibreId": np.arange(len(fibres)), "Bent": bent.astype(np.int64)},
+                fields={"Course": "straight"},
+            )
         else:
             result = self._by_sections(muscle, areas, superficial)
         add_arrays(result, fields={"FilledShare": filled, "LeavingShare": leaving})
         return _passed_on(result, muscle)
 
-    def _by_sections(
-        self, muscle: Surface, areas: list[AttachmentArea], superficial: vtkPolyData | None
-    ) -> vtkPolyData:
+    def _by_sections(self, muscle: Surface, areas: Areas, superficial: vtkPolyData | None) -> vtkPolyData:
         """Return the parallel template mapped through the muscle's sections."""
         template = FibreTemplateSource(n_fibres=self.n_fibres, resolution=self.resolution)()
         fitted = TemplateFitter()(template, muscle.data, areas, superficial)
@@ -161,17 +164,6 @@ class FibreSource(Filter):
         return add_arrays(result, fields={"Course": "sections"})
 
 
-def _straight(fibres: Floats, bent: Bools) -> vtkPolyData:
-    """Return fibres (k, n, 3) as polylines with their arrays."""
-    count, size = fibres.shape[:2]
-    return add_arrays(
-        polylines_from(Polylines(fibres.reshape(-1, 3), np.arange(count + 1) * size)),
-        points={"t": np.tile(np.linspace(0.0, 1.0, size), count)},
-        cells={"FibreId": np.arange(count), "Bent": bent.astype(np.int64)},
-        fields={"Course": "straight"},
-    )
-
-
 def _passed_on(fibres: vtkPolyData, muscle: Surface) -> vtkPolyData:
     """Add missing field arrays of the muscle to its fibres."""
     target, source = fibres.GetFieldData(), muscle.data.GetFieldData()
@@ -182,12 +174,11 @@ def _passed_on(fibres: vtkPolyData, muscle: Surface) -> vtkPolyData:
 
 
 def _ends(
-    geometry: MuscleGeometry, areas: list[AttachmentArea], aponeuroses: list[Aponeurosis] | None
+    geometry: MuscleGeometry, areas: Areas, aponeuroses: list[Aponeurosis] | None
 ) -> tuple[EndSurface, EndSurface]:
     """Return the surfaces at the fibres' origins and insertions."""
     if aponeuroses is not None:
         return aponeurosis_surfaces(aponeuroses, geometry, "aponeuroses", areas)
-    first, last = (
-        attached_surface(areas_of_role(areas, role), geometry, f"attachments: {role} area") for role in ROLES
-    )
+    of_role = {role: areas_of_role(areas, role) for role in ROLES}
+    first, last = (attached_surface(of_role[role], geometry, f"attachments: {role} area") for role in ROLES)
     return first, last

@@ -83,7 +83,6 @@ class FibreTransport(Filter):
     output = OutputPort(vtkPolyData)
 
     times_from = "deformed_muscle"
-    _embedded: EmbeddedPoints | None = None
 
     def execute(self, rest_fibres: Polylines, rest_muscle: Surface, deformed_muscle: Surface) -> vtkPolyData:
         """Return the fibres in the deformed muscle."""
@@ -93,13 +92,11 @@ class FibreTransport(Filter):
             raise InputError("", problem, "connect the same mesh, before and after the deformation")
         rest_muscle.closed("but mean value coordinates need a closed muscle")
         inputs = points, vertices, rest_muscle.triangles, self.weight_tolerance
-        if self._embedded is None or not self._embedded.same_as(*inputs):
-            self._embedded = EmbeddedPoints(*inputs)
-        return add_arrays(
-            rest_fibres.moved(self._embedded.moved(moved, self.report_progress)),
-            cells={"RestLength": polyline_lengths(points, rest_fibres.offsets)},
-            fields={"PointsOutside": self._embedded.n_outside, "WeightError": self._embedded.error},
-        )
+        embedded = self.once("embedded", inputs, EmbeddedPoints)
+        result = rest_fibres.moved(embedded.moved(moved, self.report_progress))
+        cells = {"RestLength": polyline_lengths(points, rest_fibres.offsets)}
+        fields = {"PointsOutside": embedded.n_outside, "WeightError": embedded.error}
+        return add_arrays(result, cells=cells, fields=fields)
 
 
 class StiffTendons(Filter):
@@ -167,9 +164,6 @@ class StiffTendons(Filter):
     paths = ports.Paths()
     output = OutputPort(vtkPolyData)
 
-    _tendons: tuple[Floats, Floats, Tendons] | None = None
-    _embedded: EmbeddedPoints | None = None
-
     def execute(
         self,
         fibres: Polylines,
@@ -189,17 +183,15 @@ class StiffTendons(Filter):
             problem = f"fibres have {counts[0]} to {counts[-1]} points, but must have equal numbers"
             raise InputError("rest_fibres", problem, "FibreSource makes such fibres")
         shape = len(rest_fibres), int(counts[0]), 3
-        rest = rest_fibres.points
-        kept = self._tendons
-        if kept is None or not (np.array_equal(kept[0], rest) and np.array_equal(kept[1], paths.rest)):
-            lines = rest.reshape(shape)
-            tendons = Tendons(lines, paths.rest, _on_bone(rest_muscle, lines[:, [0, -1]]))
-            self._tendons = kept = rest, paths.rest, tendons
-        moved = kept[2].placed(fibres.points.reshape(shape), paths.points).reshape(-1, 3)
-        inputs = rest, rest_muscle.points, rest_muscle.triangles, 0.0
-        if self._embedded is None or not self._embedded.same_as(*inputs):
-            self._embedded = EmbeddedPoints(*inputs)
-        self._embedded.keep_within(moved, deformed_muscle.points)
+        lines = rest_fibres.points.reshape(shape)
+
+        def tendons(lines: Floats, paths: Floats) -> Tendons:
+            return Tendons(lines, paths, _on_bone(rest_muscle, lines[:, [0, -1]]))
+
+        held = self.once("tendons", (lines, paths.rest), tendons)
+        moved = held.placed(fibres.points.reshape(shape), paths.points).reshape(-1, 3)
+        inputs = rest_fibres.points, rest_muscle.points, rest_muscle.triangles, 0.0
+        self.once("embedded", inputs, EmbeddedPoints).keep_within(moved, deformed_muscle.points)
         self.report_progress(1.0)
         return fibres.moved(moved)
 

@@ -107,15 +107,8 @@ class FibreTrimmer(Filter):
         if self.end_rule == "closest":
             printed = ends_as_printed(points, offsets, axis=axis, origin=origin, insertion=insertion)
             return fibres.moved(*printed)
-        trimmed = trim_fibres(
-            points,
-            offsets,
-            axis=axis,
-            areas=(origin, insertion),
-            into_muscle=geometry.solids.into,
-            tolerance=TOLERANCE * geometry.mean_edge,
-            largest_cut=LARGEST_CUT,
-        )
+        limits = geometry.solids.into, TOLERANCE * geometry.mean_edge, LARGEST_CUT
+        trimmed = trim_fibres(points, offsets, axis=axis, areas=(origin, insertion), limits=limits)
         kept = (trimmed == points).all(axis=1)
         shares = np.array([kept[end].mean() for end in ends])
         return add_arrays(fibres.moved(trimmed), fields={"EndsKept": shares})

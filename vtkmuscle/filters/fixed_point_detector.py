@@ -12,12 +12,13 @@ from vtkmuscle.core.attachments.patches import attachment_patch
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import edge_lengths, points_in_box, unique_edges
-from vtkmuscle.core.pbd.voxels import DEFAULT_N_MAX, MOST_N_EQUAL, build_voxel_grid
+from vtkmuscle.core.pbd.voxels import build_voxel_grid
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import add_arrays, checked_surface, shallow_copy
-from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
+from vtkmuscle.data.attachments import VIA, Areas, attachments_of
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
+from vtkmuscle.filters.deformer import N_VOXELS, N_VOXELS_PER_AXIS
 
 #: Index of a bone, ids of the claimed points, distances of the points [mm].
 Claim = tuple[int, Ints, Floats]
@@ -87,12 +88,8 @@ class FixedPointDetector(Filter):
 
     method = Parameter(str, default="attachment", choices=("attachment", "proximity", "collision"))
     distance: Parameter[float | None] = Parameter(float, default=None, minimum=0.0, units="mm")
-    n_voxels = Parameter(
-        int, default=DEFAULT_N_MAX, minimum=1, maximum=MOST_N_EQUAL**3, only_with=("method", "collision")
-    )
-    n_voxels_per_axis: Parameter[int | None] = Parameter(
-        int, default=None, minimum=1, maximum=MOST_N_EQUAL, only_with=("method", "collision")
-    )
+    n_voxels = N_VOXELS(only_with=("method", "collision"))
+    n_voxels_per_axis: Parameter[int | None] = N_VOXELS_PER_AXIS(only_with=("method", "collision"))
 
     muscle = ports.Surface()
     bones = ports.Bones()
@@ -100,7 +97,7 @@ class FixedPointDetector(Filter):
     output = OutputPort(vtkPolyData)
 
     def execute(
-        self, muscle: Surface, bones: dict[str, vtkPolyData], attachments: list[AttachmentArea] | None
+        self, muscle: Surface, bones: dict[str, vtkPolyData], attachments: Areas | None
     ) -> vtkPolyData:
         """Return the muscle with its fixed points marked."""
         if self.method == "attachment":
@@ -123,7 +120,7 @@ class FixedPointDetector(Filter):
         return add_arrays(shallow_copy(muscle.data), points={"FixedTo": fixed_to})
 
     def _by_attachment(
-        self, muscle: Surface, bones: dict[str, vtkPolyData], areas: list[AttachmentArea] | None
+        self, muscle: Surface, bones: dict[str, vtkPolyData], areas: Areas | None
     ) -> Iterator[Claim]:
         """Yield the points of each area, with distances to the nearest landmark."""
         if areas is None:
@@ -138,14 +135,9 @@ class FixedPointDetector(Filter):
                 raise InputError(where, f"the bones are {', '.join(map(repr, names))}", "rename one of them")
             surface = checked_surface(bones[area.bone], f"bones, block {area.bone!r}")
             with errors_at(where):
-                patch = attachment_patch(
-                    muscle.points,
-                    muscle.triangles,
-                    area.landmarks,
-                    area.closed,
-                    tolerance=self.distance,
-                    bone_distance=solids_of(*surface).distances,
-                )
+                landmarks, to_bone = (area.landmarks, area.closed), solids_of(*surface).distances
+                mesh = muscle.points, muscle.triangles
+                patch = attachment_patch(*mesh, *landmarks, tolerance=self.distance, bone_distance=to_bone)
             distances = cKDTree(area.landmarks).query(muscle.points[patch])[0]
             yield names.index(area.bone), patch, distances
             self.report_progress((number + 1) / len(areas))

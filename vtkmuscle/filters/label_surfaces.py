@@ -97,13 +97,8 @@ class LabelSurfaces(Filter):
 
 def _surface(field: LabelField, edge: float) -> vtkPolyData:
     """Return a label's surface with its field arrays."""
-    fields = {
-        "LabelVolume": field.volume,
-        "Pieces": len(field.pieces),
-        "LeftOut": 1.0 - float(field.pieces[0] / field.pieces.sum()),
-        "Filled": field.filled,
-        "Cut": field.cut,
-    }
+    fields = {"LabelVolume": field.volume, "Pieces": len(field.pieces), "Filled": field.filled}
+    fields |= {"Cut": field.cut, "LeftOut": 1.0 - float(field.pieces[0] / field.pieces.sum())}
     try:
         points, triangles = label_surface(field, edge)
     except InputError as error:

@@ -175,12 +175,9 @@ def _resampled(motion: RigidMotion, times: Floats) -> RigidMotion:
     if np.array_equal(motion.times, times):
         return motion
     poses = [motion.at(time) for time in times]
-    return RigidMotion(
-        times,
-        {bone: np.array([pose[bone] for pose in poses]) for bone in motion.transforms},
-        motion.centre,
-        {
-            name: Coordinate(np.interp(times, motion.times, old.values), old.unit, old.positive)
-            for name, old in motion.coordinates.items()
-        },
-    )
+    transforms = {bone: np.array([pose[bone] for pose in poses]) for bone in motion.transforms}
+    coordinates = {}
+    for name, old in motion.coordinates.items():
+        values = np.interp(times, motion.times, old.values)
+        coordinates[name] = Coordinate(values, old.unit, old.positive)
+    return RigidMotion(times, transforms, motion.centre, coordinates)

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkDemandDrivenPipeline, vtkExecutive
 
-from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fibres.embedding import EmbeddedPoints
-from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle, CarriedPose
-from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, state_of
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
 from vtkmuscle.data.muscle_geometry import Neighbours, Surface
 from vtkmuscle.data.paths import PathLines
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
+from vtkmuscle.filters.base.parameters import quality_of
 from vtkmuscle.filters.deformer import deformed_muscle
 
 #: Rounds of settling by quality: time grows with the rounds.
@@ -121,12 +118,7 @@ class PathDeformer(Filter):
     True
     """
 
-    quality: Parameter[str | None] = Parameter(
-        str,
-        default=None,
-        choices=tuple(ROUNDS),
-        sets={name: {"iterations": rounds} for name, rounds in ROUNDS.items()},
-    )
+    quality = quality_of({name: {"iterations": rounds} for name, rounds in ROUNDS.items()})
     iterations = Parameter(int, default=ROUNDS["balanced"], minimum=1, maximum=10_000)
     bone_clearance = Parameter(float, default=0.0, minimum=0.0, units="mm")
     measure_shape = Parameter(bool, default=False)
@@ -143,15 +135,6 @@ class PathDeformer(Filter):
 
     times_from = "bones"
 
-    _carried: CarriedMuscle | None = None
-    #: Muscle, paths, bones and clearance of the carried muscle.
-    _made_from: tuple[FixedMuscle, Floats | None, dict[int, Bone], float] | None = None
-    _neighbours = Neighbours()
-    _embedded: EmbeddedPoints | None = None
-    #: State of the inputs at the last pose, and the pose; its measures and its surface. VTK asks for each
-    #: output by itself.
-    _last: tuple[Any, CarriedPose] | None = None
-    _surface: tuple[tuple[bool, bool], vtkPolyData] | None = None
     _fibres_asked = False
 
     def ProcessRequest(self, request: Any, inInfo: Any, outInfo: Any) -> int:
@@ -173,73 +156,43 @@ class PathDeformer(Filter):
     ) -> tuple[vtkPolyData, vtkPolyData | None]:
         """Return the muscle and, on request, the fibres at the requested time."""
         rest_bones.check_same(bones)
-        carried = self._made(muscle, paths, rest_bones, fibres)
-        data = muscle.data, None if paths is None else paths.data, neighbours
-        states = [None if each is None else state_of(each) for each in data]
-        state = self.iterations, bones.transforms.tobytes(), states
-        if self._last is None or self._last[0] != state:
-            pose = carried.pose(
-                None if paths is None else paths.points,
-                bones.transforms,
-                rounds=self.iterations,
-                neighbours=self._neighbours.at(neighbours),
-                progress=self.report_progress,
-            )
-            self._last, self._surface = (state, pose), None
-        pose, measures = self._last[1], (self.measure_shape, self.measure_penetration)
-        self.report_progress(1.0)
-        if self._surface is None or self._surface[0] != measures:
-            assert self._made_from is not None
-            moved = ((bone, bones.transforms[number]) for number, bone in rest_bones.shapes.items())
-            rest = self._made_from[0]
-            result = deformed_muscle(muscle.data, rest, pose, carried.shape, moved, measures)
-            self._surface = measures, result
-        surface = self._surface[1]
-        return surface, self._fibres(muscle, paths, fibres, pose) if self._fibres_asked else None
-
-    def _made(
-        self, muscle: Surface, paths: PathLines | None, bones: RestBones, fibres: Polylines | None
-    ) -> CarriedMuscle:
-        """Return the carried muscle; new inputs or settings rebuild it."""
-        shapes = bones.shapes
-        fixed = fixed_muscle(muscle, list(bones.surfaces), fibres)
-        rest = None if paths is None else paths.rest
-        if self._made_from is not None:
-            before, rest_before, shapes_before, clearance = self._made_from
-            if (
-                clearance == self.bone_clearance
-                and shapes_before == shapes
-                and fixed.same_as(before)
-                and (rest is rest_before or np.array_equal(rest, rest_before))  # type: ignore[arg-type]
-            ):
-                assert self._carried is not None
-                return self._carried
-        self._made_from = self._last = self._embedded = None
-        self._neighbours = Neighbours(muscle.points)
+        fixed = fixed_muscle(muscle, list(rest_bones.surfaces), fibres)
+        rest, now = (None, None) if paths is None else (paths.rest, paths.points)
+        made_from = fixed, rest, rest_bones.shapes, self.bone_clearance
         with errors_at("muscle"):
-            self._carried = CarriedMuscle(fixed, rest, shapes, self.bone_clearance)
-        self._made_from = fixed, rest, shapes, self.bone_clearance
-        return self._carried
+            carried = self.once("carried", made_from, CarriedMuscle)
+        beside = self.once("neighbours", (fixed.points,), Neighbours)
 
-    def _fibres(
-        self, muscle: Surface, paths: PathLines | None, fibres: Polylines | None, pose: CarriedPose
-    ) -> vtkPolyData:
-        """Return the fibres in a pose: skinned, then displaced with the surface."""
-        if fibres is None:
-            return vtkPolyData()
+        def posed(*_: Any) -> CarriedPose:
+            near, report = beside.at(neighbours), self.report_progress
+            return carried.pose(now, bones.transforms, rounds=self.iterations, near=near, progress=report)
+
+        def surface(pose: CarriedPose, measures: tuple[bool, bool]) -> vtkPolyData:
+            moved = ((bone, bones.transforms[number]) for number, bone in rest_bones.shapes.items())
+            return deformed_muscle(muscle.data, fixed, pose, carried.shape, moved, measures)
+
+        # VTK asks for each output by itself.
+        data = muscle.data, None if paths is None else paths.data, neighbours
+        states = tuple(None if each is None else state_of(each) for each in data)
+        pose = self.once("pose", (carried, self.iterations, bones.transforms, states), posed)
+        self.report_progress(1.0)
+        result = self.once("surface", (pose, (self.measure_shape, self.measure_penetration)), surface)
+        if not self._fibres_asked or fibres is None:
+            return result, vtkPolyData() if self._fibres_asked else None
         if paths is None or len(fibres) != len(paths.rest):
             count = "no" if paths is None else str(len(paths.rest))
             problem = f"there are {len(fibres)} for {count} paths"
             raise InputError("fibres", problem, "connect the rest_fibres of TautPaths")
-        assert self._carried is not None
-        if self._embedded is None:
-            vertices = muscle.points, muscle.triangles
-            self._embedded = EmbeddedPoints(fibres.points, *vertices, WEIGHT_TOLERANCE)
-        moved = self._carried.fibre_points(pose)
-        moved += self._embedded.moved(pose.surface - pose.carried, self.report_progress)
-        self._embedded.keep_within(moved, pose.surface)
-        return add_arrays(
-            fibres.moved(moved),
-            cells={"RestLength": polyline_lengths(fibres.points, fibres.offsets)},
-            fields={"PointsOutside": self._embedded.n_outside},
-        )
+        return result, self._fibres(muscle, fibres, carried, pose)
+
+    def _fibres(
+        self, muscle: Surface, fibres: Polylines, carried: CarriedMuscle, pose: CarriedPose
+    ) -> vtkPolyData:
+        """Return the fibres in a pose: skinned, then displaced with the surface."""
+        made_from = fibres.points, muscle.points, muscle.triangles, WEIGHT_TOLERANCE
+        embedded = self.once("embedded", made_from, EmbeddedPoints)
+        moved = carried.fibre_points(pose)
+        moved += embedded.moved(pose.surface - pose.carried, self.report_progress)
+        embedded.keep_within(moved, pose.surface)
+        cells = {"RestLength": polyline_lengths(fibres.points, fibres.offsets)}
+        return add_arrays(fibres.moved(moved), cells=cells, fields={"PointsOutside": embedded.n_outside})

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.pbd.levels import FINE_ITERATIONS, TwoLevels, coarse_fixed_points
-from vtkmuscle.core.pbd.solver import PBDSolver, State
+from vtkmuscle.core.pbd.solver import Parameters, PBDSolver, State
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays
 from vtkmuscle.data.label_images import decimated
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
@@ -112,11 +112,6 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
     moving = ("bones", "start", "neighbours")
 
     def __init__(self, **settings: Any) -> None:
-        self._muscle: FixedMuscle | None = None
-        self._coarse: FixedMuscle | None = None
-        self._solver: PBDSolver | TwoLevels | None = None
-        self._made_from: tuple[object, ...] = ()
-        self._bones: dict[int, Bone] = {}
         self._neighbours: Neighbours | None = None
         super().__init__(**settings)
 
@@ -150,77 +145,55 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
         """Return the muscle at the requested time."""
         driven = self.prediction == "velocity" and any(self.external_force)
         rest = fixed_muscle(muscle, bones.names, fibres, driven=driven)
-        if not rest.same_as(self._muscle):
-            self._muscle = rest
-            self.forget()
         rest_bones.check_same(bones)
-        shapes = rest_bones.shapes if self.collision != "off" or self.measure_penetration else {}
-        if shapes != self._bones:
-            self._bones = shapes
-            self.forget()
-        self._make_solver()
-        return self._result(muscle.data, self.frame((bones, start, neighbours), self._advance))
-
-    def _make_solver(self) -> None:
-        """Make the solver after a change of muscle, bones or parameters."""
-        muscle, settings = self._rest_muscle, solver_parameters(self.parameters_that_count())
-        bones = self._bones if self.collision != "off" else {}
+        measured, collides = (self.measure_shape, self.measure_penetration), self.collision != "off"
+        shapes = rest_bones.shapes if collides or self.measure_penetration else {}
         voxels = (self.n_voxels, self.n_voxels_per_axis) if self.collision == "voxel" else None
-        one_level = self.start is not None or not 0 < self.solved_triangles < len(muscle.triangles)
-        count = None if one_level else self.solved_triangles
-        more = bones, self.bone_clearance if voxels is None else 0.0, voxels
-        made_from = muscle, settings, *more, count
-        if self._solver is not None and made_from == self._made_from:
-            return
+        more = shapes if collides else {}, self.bone_clearance if voxels is None else 0.0, voxels
+        one_level = self.start is not None or not 0 < self.solved_triangles < len(rest.triangles)
+        count, settings = 0 if one_level else self.solved_triangles, self.parameters_that_count()
         with errors_at("muscle"):
-            self._coarse = None if count is None else _coarser(muscle, count)
-            if self._coarse is None:
-                self._solver = PBDSolver(muscle, settings, *more)
-            else:
-                fine = PBDSolver(muscle, replace(settings, iterations=FINE_ITERATIONS), *more)
-                self._solver = TwoLevels(PBDSolver(self._coarse, settings, *more), fine, muscle.fixed_to)
-        self._made_from = made_from
+            made_from = rest, solver_parameters(settings), more, count
+            solver, levels = self.once("solver", made_from, self._made)
 
-    def _advance(
-        self,
-        before: State | None,
-        bones: MovingBones,
-        start: Surface | None,
-        neighbours: vtkMultiBlockDataSet | None,
-    ) -> State:
-        """Return the state after another one."""
-        solver = self._solver
-        assert solver is not None
-        if self._neighbours is None:
-            levels = [self._rest_muscle] if self._coarse is None else [self._coarse, self._rest_muscle]
-            self._neighbours = Neighbours(*(level.points for level in levels))
-        contacts = self._neighbours.at(neighbours)
-        options: dict[str, Any] = {"neighbours": contacts, "progress": self.report_part}
-        if start is not None:
+        def advance(
+            before: State | None,
+            bones: MovingBones,
+            start: Surface | None,
+            neighbours: vtkMultiBlockDataSet | None,
+        ) -> State:
+            """Return the state after another one."""
+            if self._neighbours is None:
+                self._neighbours = Neighbours(*levels)
+            contacts = self._neighbours.at(neighbours)
+            options: dict[str, Any] = {"neighbours": contacts, "progress": self.report_part}
+            if start is None:
+                last = solver.at_rest(len(bones.surfaces)) if before is None else before
+                return solver.step(last, bones.transforms, **options)
             assert isinstance(solver, PBDSolver)
-            expected = len(self._rest_muscle.points)
-            if len(start.points) != expected:
-                problem = f"it has {len(start.points)} points, but the muscle {expected}"
+            if len(start.points) != len(rest.points):
+                problem = f"it has {len(start.points)} points, but the muscle {len(rest.points)}"
                 raise InputError("start", problem, "connect a filter that moves this muscle")
             return solver.pose(start.points, bones.transforms, **options)
-        last = solver.at_rest(len(bones.surfaces)) if before is None else before
-        return solver.step(last, bones.transforms, **options)
 
-    @property
-    def _rest_muscle(self) -> FixedMuscle:
-        assert self._muscle is not None
-        return self._muscle
-
-    # ---------------------------------------------------------------- the result
-
-    def _result(self, muscle: vtkPolyData, state: State) -> vtkPolyData:
-        assert self._solver is not None
-        measured = self.measure_shape, self.measure_penetration
-        bones = ((bone, state.transforms[number]) for number, bone in self._bones.items())
-        result = deformed_muscle(muscle, self._rest_muscle, state, self._solver.shape, bones, measured)
+        state = self.frame((bones, start, neighbours), advance)
+        moved = ((bone, state.transforms[number]) for number, bone in shapes.items())
+        result = deformed_muscle(muscle.data, rest, state, solver.shape, moved, measured)
         if state.velocities is not None and len(state.velocities) == len(state.surface):
             add_arrays(result, points={"Velocity": state.velocities})
         return result
+
+    def _made(
+        self, muscle: FixedMuscle, settings: Parameters, more: tuple[Any, ...], count: int
+    ) -> tuple[PBDSolver | TwoLevels, list[Floats]]:
+        """Return the solver, and points at rest by level, after a change of muscle, bones or parameters."""
+        self.forget()
+        coarse = _coarser(muscle, count) if count else None
+        if coarse is None:
+            return PBDSolver(muscle, settings, *more), [muscle.points]
+        fine = PBDSolver(muscle, replace(settings, iterations=FINE_ITERATIONS), *more)
+        solver = TwoLevels(PBDSolver(coarse, settings, *more), fine, muscle.fixed_to)
+        return solver, [coarse.points, muscle.points]
 
 
 def _coarser(muscle: FixedMuscle, count: int) -> FixedMuscle | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from vtkmuscle.core.morphing.slices import Box, Morph, Slicing, morph_by_planes
 from vtkmuscle.core.template import angle_to_nearest, areas_are_opposite, superficial_pieces
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
-from vtkmuscle.data.attachments import ROLES, AttachmentArea
+from vtkmuscle.data.attachments import ROLES, Areas
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
@@ -118,11 +117,7 @@ class SliceMorpher(Filter):
     output = OutputPort(vtkPolyData)
 
     def execute(
-        self,
-        template: Polylines,
-        muscle: Surface,
-        attachments: list[AttachmentArea] | None,
-        superficial: Polylines | None,
+        self, template: Polylines, muscle: Surface, attachments: Areas | None, superficial: Polylines | None
     ) -> vtkPolyData:
         """Return the fibres in the muscle."""
         box, geometry = _box(template.data), muscle.geometry
@@ -151,12 +146,8 @@ class SliceMorpher(Filter):
             problem = f"the muscle is bent too much for parallel planes: {shares}; use method='harmonic'"
             warnings.warn(f"SliceMorpher: {problem}", stacklevel=2)
         inside = geometry.solids.inside(result.points[inner_points(template.offsets)])
-        fields: dict[str, str | float] = {
-            "MorphMethod": method,
-            "PointsOutside": int((~inside).sum()),
-            "VolumeShare": result.volume_share,
-            "SteepShare": steep_share,
-        }
+        fields: dict[str, str | float] = {"MorphMethod": method, "PointsOutside": int((~inside).sum())}
+        fields |= {"VolumeShare": result.volume_share, "SteepShare": steep_share}
         if superficial is not None:
             seen = superficial_pieces(superficial.points, superficial.offsets, geometry.points)
             angle = float(np.degrees(angle_to_nearest(seen, result.points, template.offsets)))
@@ -168,14 +159,17 @@ class SliceMorpher(Filter):
         return add_arrays(template.moved(result.points), fields=fields)
 
 
-def _course(geometry: MuscleGeometry, areas: list[AttachmentArea] | None) -> IsolineCourse:
+def _course(geometry: MuscleGeometry, areas: Areas | None) -> IsolineCourse:
     """Return the isolines from the origin to the insertion."""
     if areas is None:
         problem = "method='harmonic' needs attachment areas, but the port 'attachments' is not connected"
         raise InputError("", problem, "connect attachments")
     ends, muscle = tuple(geometry.attached(areas, role) for role in ROLES), geometry.closed
-    field = partial(attachment_field, muscle.points, muscle.triangles, *ends)
-    return geometry.once("course", ends, lambda: IsolineCourse(muscle, field()))
+
+    def course() -> IsolineCourse:
+        return IsolineCourse(muscle, attachment_field(muscle.points, muscle.triangles, *ends))
+
+    return geometry.once("course", ends, course)
 
 
 def _runs_upwards(template: Any, box: Floats) -> bool:

@@ -9,21 +9,20 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.paths.guides import ALL_PATHS, LEAST_PATHS
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread, lines_on_surface
 from vtkmuscle.core.paths.poses import KeptPoses
-from vtkmuscle.core.paths.sheet import POINTS, MusclePaths, PathState
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.paths.sheet import POINTS, MusclePaths
 from vtkmuscle.data.arrays import Polylines, add_arrays, array_of, polylines_from, vtk_array
 from vtkmuscle.data.attachments import rings_by_bone
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.data.paths import LENGTH, LEVER, PATH_STEPS, REST_POSITION, SAG, SQUEEZED, UNSETTLED
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
+from vtkmuscle.filters.base.parameters import quality_of
 
 #: Segments of a path, and solved paths, by quality.
 PATH_PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
@@ -121,9 +120,7 @@ class TautPaths(Filter):
     (8, True)
     """
 
-    quality: Parameter[str | None] = Parameter(
-        str, default=None, choices=tuple(PATH_PRESETS), sets=PATH_PRESETS
-    )
+    quality = quality_of(PATH_PRESETS)
     resolution = Parameter(int, default=POINTS - 1, minimum=4, maximum=1000)
     n_paths = Parameter(int, default=ALL_PATHS, minimum=LEAST_PATHS, maximum=ALL_PATHS)
     levers = Parameter(bool, default=True)
@@ -138,14 +135,6 @@ class TautPaths(Filter):
 
     times_from = "bones"
 
-    def __init__(self, **settings: Any) -> None:
-        #: Muscle, bones, resolution and number of the paths at rest.
-        self._rest: tuple[FixedMuscle, dict[int, Bone], int, int] | None = None
-        self._poses: KeptPoses | None = None
-        #: Points and lengths at rest, as arrays that all outputs share.
-        self._rest_arrays: dict[str, Any] = {}
-        super().__init__(**settings)
-
     def execute(
         self,
         rest_fibres: Polylines | None,
@@ -156,66 +145,25 @@ class TautPaths(Filter):
     ) -> vtkPolyData:
         """Return the paths at the requested time."""
         rest_bones.check_same(bones)
-        self._prepare(rest_fibres, rest_muscle, rest_bones, attachments)
-        if self._poses is None:
-            return vtkPolyData()
-        state = self._poses.at(bones.transforms, memory=self.checkpoint_memory * 1e6)
-        self.report_progress(1.0)
-        levers = self._poses.levers(bones.transforms, bones.twists) if self.levers else {}
-        return self._result(rest_fibres, state, levers)
-
-    def _prepare(
-        self,
-        lines: Polylines | None,
-        muscle: Surface,
-        bones: RestBones,
-        attachments: vtkMultiBlockDataSet | None,
-    ) -> None:
-        """Make the paths at rest for new inputs or a new resolution."""
-        shapes, names = bones.shapes, list(bones.surfaces)
+        names = list(rest_bones.surfaces)
         rings = rings_by_bone(attachments, names, "attachments")
-        fixed = fixed_muscle(muscle, names, lines, rings=rings)
-        fibres, fixed_to = fixed.fibres, fixed.fixed_to
-        if self._rest is not None:
-            before, shapes_before, *settings = self._rest
-            same = settings == [self.resolution, self.n_paths]
-            if same and shapes_before is shapes and fixed.same_as(before):
-                return
-        self._rest, self._poses = None, None
-        if fibres is None:
-            topology = mesh_topology(len(fixed.points), fixed.triangles)
-            fibres = lines_on_surface(fixed.points, topology, fixed_to)
-        if fibres is not None:
-            paths = evenly_spread(*fibres, self.resolution + 1)
-            with errors_at("rest_fibres"):
-                made = MusclePaths(
-                    paths,
-                    *bones_at_ends(paths, fixed.points, fixed_to),
-                    (fixed.points, fixed.triangles),
-                    shapes,
-                    rings=rings,
-                    n_paths=self.n_paths,
-                )
-            self._poses = KeptPoses(made)
-            self._rest_arrays = {
-                REST_POSITION: vtk_array(made.rest.paths.reshape(-1, 3), REST_POSITION),
-                "RestLength": vtk_array(made.rest.lengths, "RestLength"),
-            }
-        self._rest = fixed, shapes, self.resolution, self.n_paths
-
-    def _result(
-        self, rest_fibres: Polylines | None, state: PathState, levers: Mapping[str, Floats]
-    ) -> vtkPolyData:
+        fixed = fixed_muscle(rest_muscle, names, rest_fibres, rings=rings)
+        kept = self.once("paths", (fixed, rest_bones, self.resolution, self.n_paths), _paths_at_rest)
+        if kept is None:
+            return vtkPolyData()
+        poses, rest_positions, rest_lengths = kept
+        state = poses.at(bones.transforms, memory=self.checkpoint_memory * 1e6)
+        self.report_progress(1.0)
+        levers = poses.levers(bones.transforms, bones.twists) if self.levers else {}
         count, n, _ = state.paths.shape
         points, offsets = state.paths.reshape(-1, 3), n * np.arange(count + 1)
         if rest_fibres is None:
             result = polylines_from(Polylines(points, offsets))
         else:
             result = rest_fibres.moved(points, offsets)
-        result.GetPointData().AddArray(self._rest_arrays[REST_POSITION])
-        result.GetCellData().AddArray(self._rest_arrays["RestLength"])
-        assert self._poses is not None
-        rest = self._poses.rest
+        result.GetPointData().AddArray(rest_positions)
+        result.GetCellData().AddArray(rest_lengths)
+        rest = poses.rest
         settled = state.settled and rest.settled
         measures = {LENGTH: state.lengths, "Ratio": state.lengths / rest.lengths}
         measures |= {array_of(LEVER, name): values for name, values in levers.items()}
@@ -224,3 +172,20 @@ class TautPaths(Filter):
         cells |= {name: values if settled else np.full(count, np.nan) for name, values in measures.items()}
         fields = {UNSETTLED: int(not settled), PATH_STEPS: state.steps}
         return add_arrays(result, cells=cells, fields=fields)
+
+
+def _paths_at_rest(
+    muscle: FixedMuscle, bones: RestBones, resolution: int, n_paths: int
+) -> tuple[KeptPoses, Any, Any] | None:
+    """Return the paths, with points and lengths at rest as arrays for all outputs; None for no paths."""
+    points, triangles, fixed_to, fibres, rings = muscle
+    if fibres is None:
+        fibres = lines_on_surface(points, mesh_topology(len(points), triangles), fixed_to)
+    if fibres is None:
+        return None
+    paths = evenly_spread(*fibres, resolution + 1)
+    with errors_at("rest_fibres"):
+        ends = bones_at_ends(paths, points, fixed_to)
+        made = MusclePaths(paths, *ends, (points, triangles), bones.shapes, rings=rings, n_paths=n_paths)
+    positions = vtk_array(made.rest.paths.reshape(-1, 3), REST_POSITION)
+    return KeptPoses(made), positions, vtk_array(made.rest.lengths, "RestLength")

@@ -12,7 +12,6 @@ from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template import (
     TIE,
     BoxFit,
-    SuperficialFibres,
     angle_to_nearest,
     centroid_axis,
     fit_box,
@@ -21,9 +20,12 @@ from vtkmuscle.core.template import (
 )
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
-from vtkmuscle.data.attachments import ROLES, AttachmentArea, areas_of_role
+from vtkmuscle.data.attachments import ROLES, Areas, areas_of_role
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
+
+#: Field arrays with the corners of a template's areas.
+_AREAS = "OriginArea", "InsertionArea"
 
 
 class TemplateFitter(Filter):
@@ -99,14 +101,10 @@ class TemplateFitter(Filter):
     output = OutputPort(vtkPolyData)
 
     def execute(
-        self,
-        template: Polylines,
-        muscle: Surface,
-        attachments: list[AttachmentArea],
-        superficial: Polylines | None,
+        self, template: Polylines, muscle: Surface, attachments: Areas, superficial: Polylines | None
     ) -> vtkPolyData:
         """Return the fitted template."""
-        areas = _area(template.data, "OriginArea"), _area(template.data, "InsertionArea")
+        areas = _area(template.data, _AREAS[0]), _area(template.data, _AREAS[1])
         origin, insertion = (
             np.vstack([area.landmarks for area in areas_of_role(attachments, role)]) for role in ROLES
         )
@@ -114,7 +112,9 @@ class TemplateFitter(Filter):
         points, guide = muscle.points[np.unique(muscle.triangles)], None
         if superficial is not None:
             seen = superficial_pieces(superficial.points, superficial.offsets, points)
-            guide = partial(_angle, seen, template)
+
+            def guide(box: Floats) -> float:
+                return angle_to_nearest(seen, apply_transform(box, template.points), template.offsets)
 
         def fitted() -> list[BoxFit]:
             fit = partial(fit_box, landmarks=landmarks, areas=areas, angle_step=self.angle_step, guide=guide)
@@ -124,16 +124,10 @@ class TemplateFitter(Filter):
         fits = fitted() if guide is not None else muscle.geometry.once("boxes", settings, fitted)
         least = min(fit.cost for fit in fits)
         best = next(fit for fit in fits if fit.cost <= least + TIE)
-        transform = best.transform
-        return add_arrays(
-            template.moved(apply_transform(transform, template.points)),
-            fields={
-                "OriginArea": apply_transform(transform, areas[0]),
-                "InsertionArea": apply_transform(transform, areas[1]),
-                "Transform": transform.reshape(16),
-                "FitError": best.error,
-            },
-        )
+        fields = {"Transform": best.transform.reshape(16), "FitError": best.error}
+        for name, area in zip(_AREAS, areas, strict=True):
+            fields[name] = apply_transform(best.transform, area)
+        return add_arrays(template.moved(apply_transform(best.transform, template.points)), fields=fields)
 
     def _axes(self, points: Floats, origin: Floats, insertion: Floats) -> list[Floats]:
         """Return the axes to try, (3,) each."""
@@ -147,11 +141,6 @@ class TemplateFitter(Filter):
         if self.axis != "attachments":
             axes.append(principal_axis(points, origin, insertion))
         return axes
-
-
-def _angle(seen: SuperficialFibres, lines: Polylines, box: Floats) -> float:
-    """Return the angle of superficial fibres in a box."""
-    return angle_to_nearest(seen, apply_transform(box, lines.points), lines.offsets)
 
 
 def _area(template: vtkPolyData | None, name: str) -> Floats:

@@ -27,8 +27,7 @@ _PLAIN = {
     "PinJoint": ("z", ""),
     "SliderJoint": ("", "x"),
     "UniversalJoint": ("xy", ""),
-    "BallJoint": ("xyz", ""),
-    "GimbalJoint": ("xyz", ""),
+    **dict.fromkeys(("BallJoint", "GimbalJoint"), ("xyz", "")),
     "PlanarJoint": ("z", "xy"),
     "FreeJoint": ("xyz", "xyz"),
 }
@@ -160,7 +159,15 @@ def _spatial_transform(element: Element) -> tuple[list[JointAxis], list[JointAxi
     transform = element.need("SpatialTransform")
     transform.only(("TransformAxis", "objects", "groups"))
     holder = transform if transform.find("objects") is None else transform.need("objects")
-    axes = {axis.name: _transform_axis(axis) for axis in of_kind("TransformAxis", holder.children)}
+    axes: dict[str, JointAxis] = {}
+    for axis in of_kind("TransformAxis", holder.children):
+        axis.only(("coordinates", "axis", "function", *FUNCTIONS))
+        coordinate = _only_coordinate(axis, "coordinates")
+        function = function_of(axis, missing=Polynomial(np.zeros(1)))
+        try:
+            axes[axis.name] = JointAxis(axis.need("axis").numbers(3), function, coordinate)
+        except ValueError as error:
+            raise axis.placed(error) from error
     if wrong := [name for name in axes if name not in AXES]:
         raise transform.error(f"there is no axis {wrong[0]!r}", f"the axes are {', '.join(AXES)}")
     rotations, translations = ([axes[name] for name in part if name in axes] for part in (AXES[:3], AXES[3:]))
@@ -173,16 +180,6 @@ def _only_coordinate(element: Element, tag: str) -> str | None:
     if len(names) > 1:
         raise element.error(f"depends on {len(names)} coordinates, but only functions of 1 are supported")
     return names[0] if names else None
-
-
-def _transform_axis(element: Element) -> JointAxis:
-    element.only(("coordinates", "axis", "function", *FUNCTIONS))
-    coordinate = _only_coordinate(element, "coordinates")
-    function = function_of(element, missing=Polynomial(np.zeros(1)))
-    try:
-        return JointAxis(element.need("axis").numbers(3), function, coordinate)
-    except ValueError as error:
-        raise element.placed(error) from error
 
 
 def coupling_in(element: Element) -> Coupling | None:
@@ -249,13 +246,10 @@ def tree_in(model: Element, frames: Frames, not_used: list[str]) -> tuple[Kinema
         joints += [joint_in(element, frames, body.name) for element in body.within("Joint")]
     couplings = [(element, coupling_in(element)) for element in model.within("ConstraintSet")]
     not_used += [f"switched off: {element}" for element, coupling in couplings if coupling is None]
+    coordinates = [coordinate for _, own in joints for coordinate in own]
+    followed = [coupling for _, coupling in couplings if coupling is not None]
     try:
-        tree = KinematicTree(
-            GROUND,
-            [joint for joint, _ in joints],
-            [coordinate for _, own in joints for coordinate in own],
-            [coupling for _, coupling in couplings if coupling is not None],
-        )
+        tree = KinematicTree(GROUND, [joint for joint, _ in joints], coordinates, followed)
     except ValueError as error:
         raise model.placed(error) from error
     return tree, {coordinate.name: joint.name for joint, own in joints for coordinate in own}

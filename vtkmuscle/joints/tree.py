@@ -234,16 +234,12 @@ class KinematicTree:
 
         scale = np.ones((4, 4))
         scale[:3, 3] = length
-        joints = [
-            replace(
-                joint,
-                rotations=[scaled_axis(axis, 1.0) for axis in joint.rotations],
-                translations=[scaled_axis(axis, length) for axis in joint.translations],
-                parent_frame=scale * joint.parent_frame,
-                child_frame=scale * joint.child_frame,
-            )
-            for joint in self.joints
-        ]
+        joints = []
+        for joint in self.joints:
+            turns = [scaled_axis(axis, 1.0) for axis in joint.rotations]
+            slides = [scaled_axis(axis, length) for axis in joint.translations]
+            frames = scale * joint.parent_frame, scale * joint.child_frame
+            joints.append(Joint(joint.name, joint.parent, joint.child, turns, slides, *frames, joint.kind))
         couplings = [
             replace(each, function=each.function.rescaled(factors[each.independent], factors[each.dependent]))
             for each in self.couplings

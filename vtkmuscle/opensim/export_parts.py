@@ -89,27 +89,22 @@ MOST_TRIANGLES = 100_000
 
 
 def write_meshes(
-    folder: Path,
-    surfaces: Mapping[str, tuple[str, vtkPolyData]],
-    tree: KinematicTree,
-    frame: str,
-    metres: float,
+    folder: Path, meshes: Mapping[str, tuple[str, vtkPolyData]], tree: KinematicTree, frame: str, unit: float
 ) -> dict[str, list[str]]:
     """Write surfaces in ``Geometry``, in metres and in frames of bodies; return file names by body.
 
-    ``surfaces`` are by file name without suffix: body, and surface in the scene. ``tree`` is in metres, at
-    rest as the scene; ``frame`` is the body whose frame at rest is the scene's; ``metres`` are per unit of
-    the scene.
+    ``meshes`` are by file name without suffix: body, and surface in the scene. ``tree`` is in metres, at rest
+    as the scene; ``frame`` is the body whose frame at rest is the scene's; ``unit`` is the scene's [m].
     """
     rest = tree.poses({})
     names: dict[str, list[str]] = {}
-    for name, (body, surface) in surfaces.items():
+    for name, (body, surface) in meshes.items():
         placed = (inverses(rest[body]) @ rest[frame])[0]
         mesh, count = surface, surface.GetNumberOfCells()
         if count > MOST_TRIANGLES:
             reduction = 1.0 - MOST_TRIANGLES / count
             mesh = vtkQuadricDecimation(input_data=surface, target_reduction=reduction).update().output
-        moved = with_points(mesh, apply_transform(placed, metres * points_of(mesh)))
+        moved = with_points(mesh, apply_transform(placed, unit * points_of(mesh)))
         writer = vtkSTLWriter(input_data=moved, header="vtkmuscle, metres")
         writer.SetFileTypeToBinary()
         write_with(writer, folder / FOLDER / f"{name}.stl")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from math import comb
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from scipy.optimize import least_squares
 
 from vtkmuscle.core.errors import InputError
@@ -96,13 +96,13 @@ def _held_back(samples: Floats) -> list[Bools]:
 def _slopes(samples: Floats, order: int, variable: int) -> Floats:
     """Return the derivatives (f, m) of polynomial terms by a variable."""
     table = powers(samples.shape[1], order)
-    factors = table[:, variable].astype(np.float64)
-    table[:, variable] = np.maximum(table[:, variable] - 1, 0)
+    factors = table[:, variable].copy()
+    table[:, variable] = np.maximum(factors - 1, 0)
     return np.asarray(factors * np.prod(samples[:, None, :] ** table, axis=2))
 
 
 def _solved(rows: Floats, targets: Floats) -> Floats:
-    return np.asarray(np.linalg.lstsq(rows, targets, rcond=None)[0], dtype=np.float64)
+    return np.asarray(np.linalg.lstsq(rows, targets, rcond=None)[0])
 
 
 def rms(errors: Floats) -> float:
@@ -110,23 +110,17 @@ def rms(errors: Floats) -> float:
     return float(np.sqrt((errors**2).mean()))
 
 
-def _unscaled(coefficients: Floats, middle: Sequence[float] | Floats, half: Floats, order: int) -> Floats:
+def _unscaled(coefficients: Floats, middle: Floats, half: Floats, order: int) -> Floats:
     """Return coefficients for plain coordinates from coefficients for scaled coordinates."""
-    table = powers(len(half), order)
-    row_of = {tuple(row): number for number, row in enumerate(table)}
-    result = np.zeros(len(table))
-    for coefficient, row in zip(coefficients, table, strict=True):
-        # (q - m)^p / h^p, multiplied out coordinate by coordinate.
-        parts: dict[tuple[int, ...], float] = {(): float(coefficient)}
-        for power, centre, width in zip(row, middle, half, strict=True):
-            parts = {
-                (*done, low): value * comb(int(power), low) * (-centre) ** (int(power) - low) / width**power
-                for done, value in parts.items()
-                for low in range(int(power) + 1)
-            }
-        for powers_of, value in parts.items():
-            result[row_of[powers_of]] += value
-    return result
+    table = tuple(powers(len(half), order).T)
+    result = np.zeros([order + 1] * len(half))
+    result[table] = coefficients
+    for axis, (centre, width) in enumerate(zip(middle, half, strict=True)):
+        # Columns: the powers of (q - centre) / width, multiplied out.
+        factor = Polynomial([-centre / width, 1.0 / width])
+        columns = [np.resize((factor**power).coef, order + 1) for power in range(order + 1)]
+        result = np.moveaxis(np.tensordot(np.tril(columns), result, (0, axis)), 0, axis)
+    return np.asarray(result[table])
 
 
 #: Error ratio below which a cylinder is kept.
@@ -159,7 +153,7 @@ def fit_points(
     ``lengths`` (f,) and ``tolerance`` (root mean square) are in metres, ``arms`` by coordinate [m, or 1].
     """
     search = _Search(tree, values, lengths, arms)
-    poses = tree.poses(tree.completed(values))
+    poses = tree.poses(values)
     shapes = {
         body: np.einsum("fji,fnj->fni", poses[body][:, :3, :3], line - poses[body][:, None, :3, 3])
         for body in _between(tree, ends)

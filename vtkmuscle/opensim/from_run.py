@@ -13,7 +13,7 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import group_fibres
 from vtkmuscle.core.motion.rigid import inverses
-from vtkmuscle.core.types import Bools, Floats
+from vtkmuscle.core.types import Floats
 from vtkmuscle.io import write_text
 from vtkmuscle.io.writing import Outputs, file_digest
 from vtkmuscle.joints.tree import KinematicTree
@@ -28,7 +28,7 @@ from vtkmuscle.opensim.export_parts import (
 from vtkmuscle.opensim.fitted_paths import fit_length, fit_points, rms
 from vtkmuscle.opensim.mjcf import mjcf_of
 from vtkmuscle.opensim.model import checked_model
-from vtkmuscle.opensim.muscle_paths import FunctionPath, PointPath, moment_arm
+from vtkmuscle.opensim.muscle_paths import MusclePath, moment_arm
 from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
 from vtkmuscle.run.result import Result
 from vtkmuscle.scene.data import MILLIMETRES, SceneError, SceneFiles, parsed
@@ -306,64 +306,46 @@ def _exported(
     if unknown := sorted({*reused, *export.parameters} - {*muscles}):
         problem = f"the scene has no muscle {unknown[0]!r}"
         raise InputError("", problem, f"its muscles are {', '.join(muscles)}")
-    exported: list[ExportedMuscle] = []
+    tree, values, exported = run.tree, run.values, []
+    spans = {each: (column.min(), column.max()) for each, column in values.items()}
+    rest = {each: np.clip([tree.coordinate(each).rest], *span) for each, span in spans.items()}
     for name, lengths in result.lengths.items():
         if len(lengths) < len(result.frames):
             raise InputError("", f"muscle {name!r} has {len(lengths)} of {len(result.frames)} frames")
         own = opensim_properties(muscles[name].hill, run.metres)
-        properties = {**reused.get(name, {}), **own, **export.parameters.get(name, {})}
-        groups = group_fibres(lengths, export.groups)
+        fixed = {**reused.get(name, {}), **own, **export.parameters.get(name, {})}
         lines = _lines(run, name) if export.form == "points" else None
+        groups, arms = group_fibres(lengths, export.groups), result.moment_arms()[name]
+        units = {each: 1000.0 if tree.coordinate(each).is_angle else 1.0 for each in run.crossed[name]}
         for group in range(int(groups.max()) + 1):
+            members = groups == group
             label = names.get(name, name) + ("" if groups.max() == 0 else f"_{group + 1}")
-            exported.append(_exported_group(run, export, name, label, groups == group, lines, properties))
+            changes = (lengths - lengths.mean(axis=0))[:, members].T
+            mean = lengths[:, members].mean(axis=1) / 1000.0
+            mean_arms = {at: arms[at].arms[:, members].mean(axis=1) / unit for at, unit in units.items()}
+            if lines is None:
+                path: MusclePath = fit_length(mean, {each: values[each] for each in mean_arms}, mean_arms)
+            else:
+                line, fitted = lines[:, members].mean(axis=1), (run.ends[name], mean, mean_arms)
+                path = fit_points(line, tree, values, *fitted, tolerance=TOLERANCE)
+            properties: dict[str, float] = {}
+            if export.kind != GEOMETRY_ONLY:
+                properties = completed_properties(
+                    fixed,
+                    result.report["muscles"][name]["architecture"],
+                    name,
+                    length=float(path.lengths(tree, rest)[0]),
+                    share=float(mean.mean() / lengths.mean() * 1000.0),
+                    specific_tension=export.specific_tension,
+                )
+                properties["max_isometric_force"] *= members.mean()
+            errors = {
+                at: (moment_arm(path, tree, values, at) - arm) * units[at] for at, arm in mean_arms.items()
+            }
+            off = rms(changes - changes.mean(axis=0)), 1000.0 * (path.lengths(tree, values) - mean), errors
+            out, fibres = MuscleOut(label, path, properties, export.kind), np.flatnonzero(members).tolist()
+            exported.append(ExportedMuscle(name, out, tuple(fibres), *off))
     return exported
-
-
-def _exported_group(
-    run: _Run,
-    export: Export,
-    name: str,
-    label: str,
-    members: Bools,
-    lines: Floats | None,
-    fixed: Mapping[str, float],
-) -> ExportedMuscle:
-    """Return fibres (n,) of a muscle as a path."""
-    tree, values, lengths = run.tree, run.values, run.result.lengths[name]
-    count = int(members.sum())
-    arms = run.result.moment_arms()[name]
-    units = {each: 1000.0 if tree.coordinate(each).is_angle else 1.0 for each in run.crossed[name]}
-    changes = (lengths - lengths.mean(axis=0))[:, members].T
-    mean = lengths[:, members].mean(axis=1) / 1000.0
-    mean_arms = {each: arms[each].arms[:, members].mean(axis=1) / unit for each, unit in units.items()}
-    path: FunctionPath | PointPath
-    if lines is None:
-        path = fit_length(mean, {each: values[each] for each in mean_arms}, mean_arms)
-    else:
-        line = lines[:, members].mean(axis=1)
-        path = fit_points(line, tree, values, run.ends[name], mean, mean_arms, tolerance=TOLERANCE)
-    properties: dict[str, float] = {}
-    if export.kind != GEOMETRY_ONLY:
-        spans = {each: (column.min(), column.max()) for each, column in values.items()}
-        rest = {each: np.clip([tree.coordinate(each).rest], *span) for each, span in spans.items()}
-        properties = completed_properties(
-            fixed,
-            run.result.report["muscles"][name]["architecture"],
-            name,
-            length=float(path.lengths(tree, rest)[0]),
-            share=float(mean.mean() / lengths.mean() * 1000.0),
-            specific_tension=export.specific_tension,
-        )
-        properties["max_isometric_force"] *= count / len(members)
-    return ExportedMuscle(
-        name,
-        MuscleOut(label, path, properties, export.kind),
-        tuple(int(i) for i in np.flatnonzero(members)),
-        rms(changes - changes.mean(axis=0)),
-        1000.0 * (path.lengths(tree, values) - mean),
-        {each: (moment_arm(path, tree, values, each) - arm) * units[each] for each, arm in mean_arms.items()},
-    )
 
 
 def _lines(run: _Run, name: str) -> Floats:
@@ -372,6 +354,6 @@ def _lines(run: _Run, name: str) -> Floats:
     rest, now = tree.poses({}), tree.poses(run.values)
     hold = rest[joints.fixed] @ inverses(now[joints.fixed])
     to_root = inverses(hold) @ rest[joints.frame]
-    points = (run.metres * run.result.paths(name, frame=frame).points for frame in run.result.frames)
-    frames = [at @ pose[:3, :3].T + pose[:3, 3] for at, pose in zip(points, to_root, strict=True)]
-    return np.array(frames)
+    points = np.array([run.metres * run.result.paths(name, frame=each).points for each in run.result.frames])
+    turns, shifts = to_root[:, None, :3, :3], to_root[:, None, None, :3, 3]
+    return np.asarray(points @ turns.swapaxes(2, 3) + shifts)

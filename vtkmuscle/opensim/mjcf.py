@@ -69,7 +69,14 @@ def mjcf_of(
     ValueError
         For features that MuJoCo lacks: splines, paths as functions, moving and conditional points.
     """
-    paths = {muscle.name: _path_of(muscle) for muscle in muscles}
+    paths: dict[str, PointPath] = {}
+    for muscle in muscles:
+        path = muscle.path
+        if not isinstance(path, PointPath):
+            raise InputError("", f"muscle {muscle.name!r} is a function of coordinates: MuJoCo needs points")
+        if any(point.moves or point.only_in is not None for point in path.points):
+            raise InputError("", f"muscle {muscle.name!r}: MuJoCo has no moving or conditional points")
+        paths[muscle.name] = path
     ranges = {each.name: each.range for each in tree.coordinates if each.range}
     joints = _Joints(set(), [], {name: span for name, span in ranges.items() if span[0] < span[1]})
     sites = [site for muscle, path in paths.items() for site in _sites(muscle, path)]
@@ -91,18 +98,16 @@ def mjcf_of(
         raise InputError("", f"no joint equals the coordinate {missing!r}, as MuJoCo requires")
     files = [mesh for names in (meshes or {}).values() for mesh in names]
     actuated = [muscle for muscle in muscles if lengths and set(NEEDED) <= set(muscle.parameters)]
-    return xml_text(
-        made(
-            "mujoco",
-            made("compiler", angle="radian", autolimits="true", meshdir=FOLDER),
-            made("asset", *(made("mesh", name=mesh, file=f"{mesh}.stl") for mesh in files)),
-            made("worldbody", *world),
-            made("tendon", *(made("spatial", *_tendon(*item), name=item[0]) for item in paths.items())),
-            made("actuator", *(_actuator(muscle, (lengths or {})[muscle.name]) for muscle in actuated)),
-            made("equality", *joints.equalities),
-            model=name,
-        )
-    )
+    parts = {
+        "asset": [made("mesh", name=mesh, file=f"{mesh}.stl") for mesh in files],
+        "worldbody": world,
+        "tendon": [made("spatial", *_tendon(*item), name=item[0]) for item in paths.items()],
+        "actuator": [_actuator(muscle, (lengths or {})[muscle.name]) for muscle in actuated],
+        "equality": joints.equalities,
+    }
+    compiler = made("compiler", angle="radian", autolimits="true", meshdir=FOLDER)
+    inside_of = [made(tag, *elements) for tag, elements in parts.items()]
+    return xml_text(made("mujoco", compiler, *inside_of, model=name))
 
 
 class _Joints(NamedTuple):
@@ -154,15 +159,6 @@ def _polynomial(function: CoordinateFunction, what: str) -> Floats:
         return function.coefficients
     kind = type(function).__name__
     raise InputError("", f"{what}: MuJoCo supports polynomials up to power {_HIGHEST}, not {kind}")
-
-
-def _path_of(muscle: MuscleOut) -> PointPath:
-    path = muscle.path
-    if not isinstance(path, PointPath):
-        raise InputError("", f"muscle {muscle.name!r} is a function of coordinates: MuJoCo needs points")
-    if any(point.moves or point.only_in is not None for point in path.points):
-        raise InputError("", f"muscle {muscle.name!r}: MuJoCo has no moving or conditional points")
-    return path
 
 
 def _sites(muscle: str, path: PointPath) -> Iterator[tuple[str, Element]]:

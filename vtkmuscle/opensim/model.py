@@ -129,10 +129,8 @@ def read_osim(path: str | PathLike[str]) -> OsimModel:
     parts = ((tag, part) for tag in (*NOT_USED, *FURTHER) for part in model.within(tag))
     not_used += [f"{tag}: {part}" for tag, part in parts if part.tag != OFFSET]
     markers = tuple(marker.name for marker in of_kind("Marker", model.within("MarkerSet")))
-    muscles, ligaments = (
-        {name: each for name, each in paths.items() if (each.kind in LIGAMENTS) == passive}
-        for passive in (False, True)
-    )
+    ligaments = {name: each for name, each in paths.items() if each.kind in LIGAMENTS}
+    muscles = {name: each for name, each in paths.items() if name not in ligaments}
     return OsimModel(model.name, tree, markers, muscles, tuple(meshes), joint_of, tuple(not_used), ligaments)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
+from itertools import chain, combinations_with_replacement
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -206,12 +206,10 @@ class FunctionPath:
 
     def coordinates(self, tree: KinematicTree) -> tuple[str, ...]:
         """Return the coordinates that affect the length."""
-        del tree
         return tuple(self.names)
 
     def lengths(self, tree: KinematicTree, values: Values, *, counted_at: Values | None = None) -> Floats:
         """Return the lengths (f,) for values of the coordinates."""
-        del counted_at
         full = tree.completed(values)
         samples = np.column_stack([full[name] for name in self.names])
         return terms(samples, self.order) @ self.coefficients
@@ -222,12 +220,10 @@ MusclePath = PointPath | FunctionPath
 
 def powers(dimension: int, order: int) -> Ints:
     """Return the powers (m, d) of polynomial terms in OpenSim's order."""
-    rows = [
-        tuple(np.bincount(chosen, minlength=dimension)) if chosen else (0,) * dimension
-        for total in range(order + 1)
-        for chosen in combinations_with_replacement(range(dimension), total)
-    ]
-    return np.array(sorted(rows), dtype=np.int64).reshape(-1, dimension)
+    numbers = range(dimension)
+    chosen = chain(*(combinations_with_replacement(numbers, total) for total in range(order + 1)))
+    rows = sorted(tuple(map(each.count, numbers)) for each in chosen)
+    return np.array(rows, dtype=np.int64).reshape(-1, dimension)
 
 
 def terms(samples: Floats, order: int) -> Floats:
@@ -236,9 +232,7 @@ def terms(samples: Floats, order: int) -> Floats:
     return result
 
 
-def moment_arm(
-    path: PointPath | FunctionPath, tree: KinematicTree, values: Values, coordinate: str
-) -> Floats:
+def moment_arm(path: MusclePath, tree: KinematicTree, values: Values, coordinate: str) -> Floats:
     """Return the moment arm -dl/dq (f,) of a path, in the tree's unit of length, or 1 for a translation.
 
     The central difference keeps the conditional points of ``values``; coupled coordinates follow.

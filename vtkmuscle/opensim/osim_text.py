@@ -19,7 +19,7 @@ from vtkmuscle.joints.functions import Polynomial, function_element
 from vtkmuscle.joints.osim import AXES
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.opensim.model import OsimMuscle, checked_model
-from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath
+from vtkmuscle.opensim.muscle_paths import PathPoint, PointPath
 
 #: Format version of OpenSim 4.6, written in files.
 VERSION = 40600
@@ -86,8 +86,8 @@ def osim_of(
     """
     for body in tree.bodies:
         _check_name("body", body)
-    for what, parts in (("joint", tree.joints), ("coordinate", tree.coordinates)):
-        for part in parts:
+    for what, each in (("joint", tree.joints), ("coordinate", tree.coordinates)):
+        for part in each:
             _check_name(what, part.name)
     # The first joint that a coordinate moves owns the coordinate.
     moved = [(axis.coordinate, joint.name) for joint in tree.joints for axis in joint.axes if axis.coordinate]
@@ -107,18 +107,12 @@ def osim_of(
     for body, cylinder in _cylinders(muscles):
         _objects_in(bodies[body]).append(cylinder)
     ground, *moving = bodies.values()
-    model = made(
-        "Model",
-        ground,
-        made("gravity", [0.0, -9.80665, 0.0]),
-        made("length_units", "meters"),
-        made("force_units", "N"),
-        _set("BodySet", moving, name="bodyset"),
-        _set("JointSet", [_joint(joint, tree, owners, paths) for joint in tree.joints], name="jointset"),
-        _set("ConstraintSet", map(_coupler, tree.couplings), name="constraintset"),
-        _set("ForceSet", [_muscle(muscle, paths) for muscle in muscles], name="forceset"),
-        name=name,
-    )
+    sets = {"BodySet": moving, "JointSet": [_joint(joint, tree, owners, paths) for joint in tree.joints]}
+    sets["ConstraintSet"] = [_coupler(coupling) for coupling in tree.couplings]
+    sets["ForceSet"] = [_muscle(muscle, paths) for muscle in muscles]
+    parts = [_set(tag, objects, name=tag.lower()) for tag, objects in sets.items()]
+    units = {"gravity": [0.0, -9.80665, 0.0], "length_units": "meters", "force_units": "N"}
+    model = _component("Model", ground, *parts, name=name, **units)
     return xml_text(made("OpenSimDocument", model, Version=str(VERSION)))
 
 
@@ -188,10 +182,9 @@ def _set(tag: str, objects: Iterable[Element], **attributes: str) -> Element:
     return made(tag, made("objects", *objects), made("groups"), **attributes)
 
 
-def _component(tag: str, *, name: str = "", **properties: Any) -> Element:
-    """Return a component, of a name or none, with properties: elements, texts or numbers."""
-    attributes = {"name": name} if name else {}
-    return made(tag, *(made(key, value) for key, value in properties.items()), **attributes)
+def _component(tag: str, *parts: Element, name: str, **properties: Any) -> Element:
+    """Return a component with parts, and with properties: elements, texts or numbers."""
+    return made(tag, *parts, *(made(key, value) for key, value in properties.items()), name=name)
 
 
 def _objects_in(body: Element) -> Element:
@@ -204,8 +197,8 @@ def _objects_in(body: Element) -> Element:
 
 def _mesh(name: str) -> Element:
     # A muscle mesh stays at rest while the model moves.
-    opacity = made("Appearance", made("opacity", 0.3 if name.endswith("_at_rest") else 1.0))
-    return made("Mesh", made("mesh_file", f"{name}.stl"), opacity, name=f"{name}_mesh")
+    opacity = made("opacity", 0.3 if name.endswith("_at_rest") else 1.0)
+    return _component("Mesh", name=f"{name}_mesh", mesh_file=f"{name}.stl", Appearance=opacity)
 
 
 def _cylinders(muscles: Sequence[MuscleOut]) -> Iterator[tuple[str, Element]]:
@@ -219,13 +212,10 @@ def _cylinders(muscles: Sequence[MuscleOut]) -> Iterator[tuple[str, Element]]:
 
 
 def _coupler(coupling: Coupling) -> Element:
-    properties = {
-        "coupled_coordinates_function": function_element(coupling.function),
-        "independent_coordinate_names": coupling.independent,
-        "dependent_coordinate_name": coupling.dependent,
-    }
-    name, kind = f"{coupling.dependent}_follows", "CoordinateCouplerConstraint"
-    return _component(kind, isEnforced="true", **properties, scale_factor=1.0, name=name)
+    names = {"independent_coordinate_names": coupling.independent, "isEnforced": "true"}
+    names |= {"dependent_coordinate_name": coupling.dependent, "name": f"{coupling.dependent}_follows"}
+    function = made("coupled_coordinates_function", function_element(coupling.function))
+    return _component("CoordinateCouplerConstraint", function, **names, scale_factor=1.0)
 
 
 def _joint(joint: Joint, tree: KinematicTree, owners: Mapping[str, str], paths: _Paths) -> Element:
@@ -234,33 +224,24 @@ def _joint(joint: Joint, tree: KinematicTree, owners: Mapping[str, str], paths: 
         problem = f"joint {joint.name!r} uses {name!r}, a coordinate of another joint, which OpenSim refuses"
         raise InputError("", problem, f"give the joint its own coordinate that follows {name!r}")
     ends = (("parent", joint.parent, joint.parent_frame), ("child", joint.child, joint.child_frame))
-    frames = [
-        made(
-            "PhysicalOffsetFrame",
-            made("socket_parent", _path("body", body, paths)),
-            made("translation", frame[:3, 3]),
-            made("orientation", _angles(frame)),
-            name=f"{joint.name}_in_{side}",
-        )
-        for side, body, frame in ends
-    ]
+    parts = []
+    for side, body, frame in ends:
+        at = {"translation": frame[:3, 3], "orientation": _angles(frame)}
+        on, name = _path("body", body, paths), f"{joint.name}_in_{side}"
+        parts.append(_component("PhysicalOffsetFrame", name=name, socket_parent=on, **at))
     own = [_coordinate(each) for each in tree.coordinates if owners.get(each.name) == joint.name]
-    return made(
-        "CustomJoint" if joint.axes else "WeldJoint",
-        *(made(f"socket_{side}_frame", f"{joint.name}_in_{side}") for side, *_ in ends),
-        made("coordinates", *own),
-        made("frames", *frames),
-        *([made("SpatialTransform", *_transform_axes(joint))] if joint.axes else []),
-        name=joint.name,
-    )
+    sockets = [made(f"socket_{side}_frame", f"{joint.name}_in_{side}") for side, *_ in ends]
+    transform = [made("SpatialTransform", *_transform_axes(joint))] if joint.axes else []
+    inside = *sockets, made("coordinates", *own), made("frames", *parts), *transform
+    return made("CustomJoint" if joint.axes else "WeldJoint", *inside, name=joint.name)
 
 
 def _coordinate(coordinate: JointCoordinate) -> Element:
-    rest, limits = coordinate.rest, []
+    rest, limits = coordinate.rest, {}
     if coordinate.range is not None:
-        limits = [made("range", coordinate.range), made("clamped", "true")]
+        limits = {"range": coordinate.range, "clamped": "true"}
         rest = float(np.clip(rest, *coordinate.range))
-    return made("Coordinate", made("default_value", rest), *limits, name=coordinate.name)
+    return _component("Coordinate", name=coordinate.name, default_value=rest, **limits)
 
 
 def _transform_axes(joint: Joint) -> Iterator[Element]:
@@ -270,17 +251,16 @@ def _transform_axes(joint: Joint) -> Iterator[Element]:
     for part in (joint.rotations, joint.translations):
         axes += [*part, *(JointAxis(axis, zero) for axis in _further([each.axis for each in part]))]
     for name, axis in zip(AXES, axes, strict=True):
-        function = function_element(axis.function, name="function")
-        coordinates = made("coordinates", axis.coordinate or "")
-        yield made("TransformAxis", coordinates, made("axis", axis.axis), function, name=name)
+        function, moved = function_element(axis.function, name="function"), axis.coordinate or ""
+        yield _component("TransformAxis", function, name=name, coordinates=moved, axis=axis.axis)
 
 
 def _further(axes: list[Floats]) -> list[Floats]:
     """Return unit vectors that complete axes to 3, without parallel pairs."""
-    complete = np.array(axes).reshape(-1, 3)
+    complete = list(axes)
     while len(complete) < 3:
-        complete = np.vstack([complete, np.eye(3)[np.abs(complete).max(axis=0, initial=0.0).argmin()]])
-    return list(complete[len(axes) :])
+        complete.append(np.eye(3)[np.abs(complete or np.zeros((1, 3))).max(axis=0).argmin()])
+    return complete[len(axes) :]
 
 
 def _angles(frame: Floats) -> Floats:
@@ -288,46 +268,37 @@ def _angles(frame: Floats) -> Floats:
 
 
 def _muscle(muscle: MuscleOut, paths: _Paths) -> Element:
-    properties = (made(name, value) for name, value in muscle.parameters.items())
-    return made(muscle.kind, _muscle_path(muscle.name, muscle.path, paths), *properties, name=muscle.name)
-
-
-def _muscle_path(muscle: str, path: PointPath | FunctionPath, paths: _Paths) -> Element:
+    name, path = muscle.name, muscle.path
     if isinstance(path, PointPath):
-        return _point_path(muscle, path, paths)
-    sizes = {"dimension": str(len(path.names)), "order": str(path.order)}
-    polynomial = _component("MultivariatePolynomialFunction", coefficients=path.coefficients, **sizes)
-    names = made("coordinate_paths", " ".join(_path("coordinate", name, paths) for name in path.names))
-    return made("FunctionBasedPath", names, made("length_function", polynomial), name="path")
-
-
-def _point_path(muscle: str, path: PointPath, paths: _Paths) -> Element:
-    points = [_point(f"{muscle}-P{i}", point, paths) for i, point in enumerate(path.points, start=1)]
-    spans = [f"{cylinder.after + 1} {cylinder.after + 2}" for cylinder in path.cylinders]
-    wraps = [
-        _component(
-            "PathWrap", wrap_object=f"{muscle}-C{i}", method="hybrid", range=span, name=f"{muscle}-W{i}"
-        )
-        for i, span in enumerate(spans, start=1)
-    ]
-    return made("GeometryPath", _set("PathPointSet", points), _set("PathWrapSet", wraps), name="path")
+        points = [_point(f"{name}-P{i}", point, paths) for i, point in enumerate(path.points, start=1)]
+        wraps = []
+        for i, cylinder in enumerate(path.cylinders, start=1):
+            span = {"method": "hybrid", "range": f"{cylinder.after + 1} {cylinder.after + 2}"}
+            wraps.append(_component("PathWrap", name=f"{name}-W{i}", wrap_object=f"{name}-C{i}", **span))
+        geometry = made("GeometryPath", _set("PathPointSet", points), _set("PathWrapSet", wraps), name="path")
+    else:
+        sizes = made("dimension", str(len(path.names))), made("order", str(path.order))
+        polynomial = made("MultivariatePolynomialFunction", made("coefficients", path.coefficients), *sizes)
+        names = " ".join(_path("coordinate", each, paths) for each in path.names)
+        function = {"coordinate_paths": names, "length_function": polynomial}
+        geometry = _component("FunctionBasedPath", name="path", **function)
+    return _component(muscle.kind, geometry, name=name, **muscle.parameters)
 
 
 def _point(name: str, point: PathPoint, paths: _Paths) -> Element:
-    parts = [made("socket_parent_frame", _path("body", point.body, paths))]
-    position = np.asarray(point.position, dtype=np.float64)
+    kind, position = "PathPoint", np.asarray(point.position, dtype=np.float64)
+    properties: dict[str, Any] = {"socket_parent_frame": _path("body", point.body, paths)}
     if point.moves:
-        first = next(filter(None, point.coordinates))
+        kind, first = "MovingPathPoint", next(filter(None, point.coordinates))
         for axis, function, own, at in zip("xyz", point.functions, point.coordinates, position, strict=True):
-            parts.append(made(f"socket_{axis}_coordinate", _path("coordinate", own or first, paths)))
-            parts.append(made(f"{axis}_location", function_element(function or Polynomial(at[None]))))
-        return made("MovingPathPoint", *parts, name=name)
-    parts.append(made("location", position))
-    if point.only_in is None:
-        return made("PathPoint", *parts, name=name)
-    coordinate, *limits = point.only_in
-    parts += [made("socket_coordinate", _path("coordinate", coordinate, paths)), made("range", limits)]
-    return made("ConditionalPathPoint", *parts, name=name)
+            properties[f"socket_{axis}_coordinate"] = _path("coordinate", own or first, paths)
+            properties[f"{axis}_location"] = function_element(function or Polynomial(at[None]))
+    else:
+        properties["location"] = position
+    if point.only_in is not None and not point.moves:
+        kind, (coordinate, *limits) = "ConditionalPathPoint", point.only_in
+        properties |= {"socket_coordinate": _path("coordinate", coordinate, paths), "range": limits}
+    return _component(kind, name=name, **properties)
 
 
 def _check_name(what: str, name: str) -> None:

@@ -66,10 +66,8 @@ def fibre_block(kind: str) -> Phantom:
         return block(kind, {"origin_plate": level(0.0)}, level(LENGTH), plates_at_ends(), known)
     if kind != "pennate":
         raise InputError("fibre_block", f"kind is {kind!r}, but must be one of 'parallel', 'pennate'")
-    bones = {
-        "origin_plate": box((-PLATE, 0.0, 0.0), (0.0, DEPTH, half), SPACING),
-        "insertion_plate": box((WIDTH, 0.0, half), (WIDTH + PLATE, DEPTH, LENGTH), SPACING),
-    }
+    bones = {"origin_plate": box((-PLATE, 0.0, 0.0), (0.0, DEPTH, half), SPACING)}
+    bones["insertion_plate"] = box((WIDTH, 0.0, half), (WIDTH + PLATE, DEPTH, LENGTH), SPACING)
     origins = {"origin_plate": wall(0.0, 0.0, half)}
     return block(kind, origins, wall(WIDTH, half, LENGTH), bones, straight(WIDTH))
 
@@ -107,19 +105,15 @@ def block(
 
 def plates_at_ends() -> dict[str, Surface]:
     """Return the plates below and above the block."""
-    return {
-        "origin_plate": box((0.0, 0.0, -PLATE), (WIDTH, DEPTH, 0.0), SPACING),
-        "insertion_plate": box((0.0, 0.0, LENGTH), (WIDTH, DEPTH, LENGTH + PLATE), SPACING),
-    }
+    heights = {"origin_plate": -PLATE, "insertion_plate": LENGTH}
+    return {name: box((0.0, 0.0, z), (WIDTH, DEPTH, z + PLATE), SPACING) for name, z in heights.items()}
 
 
 def straight(width: float) -> dict[str, float]:
     """Return the answers for fibres over a width, which rise by half the length."""
     rise = LENGTH / 2.0
-    return {
-        "fibre_length": float(np.hypot(width, rise)),
-        "pennation": float(np.degrees(np.arctan2(width, rise))),
-    }
+    pennation = float(np.degrees(np.arctan2(width, rise)))
+    return {"fibre_length": float(np.hypot(width, rise)), "pennation": pennation}
 
 
 def level(z: float) -> Floats:

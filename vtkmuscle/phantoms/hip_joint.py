@@ -118,14 +118,6 @@ def beside_bones(muscle: Solid, *bones: Solid) -> Solid:
     return muscle
 
 
-def _on(bone: Solid, points: ArrayLike, offset: float, side: ArrayLike = (0, 0, 0)) -> Floats:
-    """Return points on a side of a bone, lifted by an offset [mm]."""
-    ground = bone.projected(np.asarray(points, dtype=np.float64) + 8.0 * np.asarray(side), steps=6)
-    normals = bone.field(ground)[1]
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return ground + offset * normals
-
-
 def _sheet(shape: Mapping[str, Any], bones: Mapping[str, Solid]) -> Sheet:
     """Return the sheet of a muscle in ``hip.toml``."""
     rows = []
@@ -134,7 +126,12 @@ def _sheet(shape: Mapping[str, Any], bones: Mapping[str, Solid]) -> Sheet:
         if points is None:  # five points in the middle of the ilium's wing
             (low, high), side = row["span"], shape["side"]
             points = spline_net(WING, np.linspace(low, high, 5), [row["wing"]])[:, 0]
-        rows.append(_on(bones[row["on"]], points, row["lift"], side) if "on" in row else points)
+        if "on" in row:  # on a side of a bone, lifted
+            bone = bones[row["on"]]
+            ground = bone.projected(np.asarray(points, dtype=np.float64) + 8.0 * np.asarray(side), steps=6)
+            normals = bone.field(ground)[1]
+            points = ground + row["lift"] * (normals / np.linalg.norm(normals, axis=1, keepdims=True))
+        rows.append(points)
     return Sheet(np.array(rows), shape["half_thickness"])
 
 
@@ -174,14 +171,8 @@ def hip(*, angles: ArrayLike = ANGLES, head_radius: float = HEAD_RADIUS, detail:
     {'head_radius': 25.0}
     """
     bones, muscles, areas = hip_parts(head_radius, detail)
-    return phantom_from(
-        "hip",
-        bones=bones,
-        muscles=muscles,
-        areas=areas,
-        motion=hinge("femur", centre=(0, 0, 0), axis=(-1, 0, 0), angles=angles),
-        known={"head_radius": head_radius},
-    )
+    motion, known = hinge("femur", (0, 0, 0), (-1, 0, 0), angles), {"head_radius": head_radius}
+    return phantom_from("hip", bones=bones, muscles=muscles, areas=areas, motion=motion, known=known)
 
 
 @lru_cache(maxsize=2)

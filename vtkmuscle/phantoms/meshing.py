@@ -17,16 +17,7 @@ def mesh_of(solid: Solid, spacing: float, n_triangles: int) -> tuple[Floats, Int
     An isosurface on a grid of a spacing [mm], nowhere larger than the solid is thick, is decimated to about
     ``n_triangles``, then relaxed along the surface of the solid.
     """
-    values, origin = _sampled(solid, spacing)
-
-    def projected(points: Floats) -> Floats:
-        return solid.projected(points, steps=1)
-
-    return evened(*isosurface(values, origin, spacing), n_triangles, projected)
-
-
-def _sampled(solid: Solid, spacing: float) -> tuple[Floats, Floats]:
-    """Return the field on a grid, exact near the surface, elsewhere right in sign."""
+    # The field on a grid: exact near the surface, elsewhere right in sign.
     stride = 4
     origin = solid.lower - 1.5 * spacing
     coarse_shape = np.ceil((solid.upper - solid.lower + 3.0 * spacing) / (stride * spacing)).astype(int) + 1
@@ -38,7 +29,11 @@ def _sampled(solid: Solid, spacing: float) -> tuple[Floats, Floats]:
     # points matter up to one edge from the surface.
     near = np.abs(fine) < (stride / 2.0 * np.sqrt(3.0) + 1.5) * spacing
     fine[near] = solid.values(_grid(origin, shape, spacing)[near])
-    return fine, origin
+
+    def projected(points: Floats) -> Floats:
+        return solid.projected(points, steps=1)
+
+    return evened(*isosurface(fine, origin, spacing), n_triangles, projected)
 
 
 def _grid(origin: Floats, shape: NDArray[np.int_], spacing: float) -> Floats:

@@ -13,7 +13,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import Solid, thick_curve, thick_sheet
 from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution, volume_of_revolution
-from vtkmuscle.phantoms.phantom import Phantom, Surface, circle, ends, phantom_from
+from vtkmuscle.phantoms.phantom import Answer, Phantom, Surface, circle, ends, phantom_from
 
 #: Centres of the spindle's flat ends [mm]; the hinge is at the origin, its axis -x.
 ORIGIN = np.array([0.0, -32.0, 80.0])
@@ -47,19 +47,12 @@ def spindle_over_hinge() -> Phantom:
     >>> float(round(phantom.known["length"](0.0), 6)), float(round(phantom.known["moment_arm"](0.0), 6))
     (140.0, 32.0)
     """
-    bones, muscle, areas = spindle((float(ORIGIN[0]), float(ORIGIN[1])))
-    return phantom_from(
-        "spindle_over_hinge",
-        bones=bones,
-        muscles={"spindle": muscle},
-        areas={"spindle": areas},
-        motion=hinge("distal", centre=(0, 0, 0), axis=AXIS, angles=np.arange(0.0, 41.0, 2.0)),
-        known={
-            "volume": volume_of_revolution(*spindle_profile(), SIDES),
-            "length": line_length,
-            "moment_arm": line_moment_arm,
-        },
-    )
+    name, (bones, muscle, rings) = "spindle_over_hinge", spindle((float(ORIGIN[0]), float(ORIGIN[1])))
+    motion = hinge("distal", centre=(0, 0, 0), axis=AXIS, angles=np.arange(0.0, 41.0, 2.0))
+    known: dict[str, Answer] = {"length": line_length, "moment_arm": line_moment_arm}
+    known["volume"] = volume_of_revolution(*spindle_profile(), SIDES)
+    muscles, areas = {"spindle": muscle}, {"spindle": rings}
+    return phantom_from(name, bones=bones, muscles=muscles, areas=areas, motion=motion, known=known)
 
 
 def line_length(angle: float) -> float:
@@ -94,10 +87,8 @@ def spindle(middle: tuple[float, float]) -> tuple[dict[str, Surface], Surface, l
     """Return bones, muscle and areas about the vertical line through (x, y) [mm]."""
     origin, insertion = (np.array([*middle, end[2]]) for end in (ORIGIN, INSERTION))
     ring = circle(0.8 * END_RADIUS)
-    bones = {
-        "proximal": mesh_of(bone_with_arm(origin, 1.0), 3.0, 3000),
-        "distal": mesh_of(bone_with_arm(insertion, -1.0), 3.0, 3000),
-    }
+    arms = ("proximal", origin, 1.0), ("distal", insertion, -1.0)
+    bones = {name: mesh_of(bone_with_arm(end, up), 3.0, 3000) for name, end, up in arms}
     points, triangles = solid_of_revolution(*spindle_profile(), SIDES)
     areas = ends("proximal", origin + ring, "distal", insertion + ring)
     return bones, (points + np.array([*middle, 0.0]), triangles), areas
@@ -171,14 +162,11 @@ def wrapping_cylinder(*, angles: ArrayLike | None = None) -> Phantom:
     corners = np.array([(-1, -1), (0, -1), (1, -1), (1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0)])
     heights = RADIUS + THICKNESS / 2.0 * (1.0 + 0.7 * corners[:, 1])
     face = np.column_stack([half * corners[:, 0], np.full(len(corners), -STRAIGHT), heights])
-    return phantom_from(
-        "wrapping_cylinder",
-        bones=bones,
-        muscles={"strap": muscle},
-        areas={"strap": ends("base", face, "pulley", np.vstack([arc + side, arc[::-1] - side]))},
-        motion=hinge("pulley", centre=(0, 0, 0), axis=(-1, 0, 0), angles=times),
-        known={"moment_arm": -(RADIUS + THICKNESS / 2.0), "length": strap_length},
-    )
+    name, rings = "wrapping_cylinder", ends("base", face, "pulley", np.vstack([arc + side, arc[::-1] - side]))
+    motion = hinge("pulley", centre=(0, 0, 0), axis=(-1, 0, 0), angles=times)
+    known: dict[str, Answer] = {"moment_arm": -(RADIUS + THICKNESS / 2.0), "length": strap_length}
+    muscles, areas = {"strap": muscle}, {"strap": rings}
+    return phantom_from(name, bones=bones, muscles=muscles, areas=areas, motion=motion, known=known)
 
 
 def strap_length(angle: float) -> float:
@@ -204,9 +192,6 @@ def _cylinder_surfaces() -> tuple[dict[str, Surface], Surface]:
     length = WIDTH + 20.0
     heights = np.linspace(-length / 2.0, length / 2.0, 17)
     points, triangles = solid_of_revolution(heights, np.full(17, RADIUS), 48)
-    bones = {
-        "base": box((-25, -STRAIGHT - 20, 10), (25, -STRAIGHT, 50), 5.0),
-        # From the z axis to the x axis.
-        "pulley": (points[:, [2, 0, 1]], triangles),
-    }
+    bones = {"base": box((-25, -STRAIGHT - 20, 10), (25, -STRAIGHT, 50), 5.0)}
+    bones["pulley"] = points[:, [2, 0, 1]], triangles  # from the z axis to the x axis
     return bones, mesh_of(strap, 2.5, 3000)

@@ -82,10 +82,8 @@ def phantom_from(
 
 def ends(origin: str, origin_ring: Floats, insertion: str, insertion_ring: Floats) -> list[AttachmentArea]:
     """Return a muscle's areas from bones and rings of landmarks (k, 3) [mm]."""
-    return [
-        AttachmentArea("origin", origin, origin_ring, closed=True),
-        AttachmentArea("insertion", insertion, insertion_ring, closed=True),
-    ]
+    rings = ("origin", origin, origin_ring), ("insertion", insertion, insertion_ring)
+    return [AttachmentArea(*ring, closed=True) for ring in rings]
 
 
 def circle(radius: float, count: int = 12) -> Floats:

@@ -270,13 +270,9 @@ class MusclePipeline:
         posed = {"rest_bones": bones, "bones": self.moving}
         self.taut_paths: TautPaths | None = None
         if deformer != "pbd" or (paths is not None and self.rest_paths is not None):
-            self.taut_paths = TautPaths(
-                rest_fibres=self.rest_paths,
-                rest_muscle=self.fixed,
-                attachments=attachments,
-                **posed,
-                **{**(preset if quality in PATH_PRESETS else {}), **(paths or {})},
-            )
+            at_rest = {"rest_fibres": self.rest_paths, "rest_muscle": self.fixed, "attachments": attachments}
+            own = {**(preset if quality in PATH_PRESETS else {}), **(paths or {})}
+            self.taut_paths = TautPaths(**at_rest, **posed, **own)
         inputs = {"muscle": self.fixed, "fibres": self.rest_paths, "neighbours": neighbours or None, **posed}
         settings = {**inputs, **preset, **(solver or {})}
         self.deformer: PathDeformer | PBDDeformer | None = None
@@ -286,11 +282,8 @@ class MusclePipeline:
             self.deformer = PBDDeformer(**settings)
         self.metrics: FibreMetrics | None = None
         if self.fibres is not None:
-            self.metrics = FibreMetrics(
-                fibres=self._moving_fibres(weight_tolerance),
-                muscle=self.deformer,
-                paths=self.taut_paths,
-            )
+            moved = self._moving_fibres(weight_tolerance)
+            self.metrics = FibreMetrics(fibres=moved, muscle=self.deformer, paths=self.taut_paths)
 
     def _moving_fibres(self, weight_tolerance: float) -> Any:
         """Return the source of the fibres in motion."""

@@ -4,7 +4,7 @@ from phantoms.winding_spindle import winding_fibre, winding_fibres
 
 from vtkmuscle.core.fibres.direction_field import NEIGHBOURS, DirectionField
 from vtkmuscle.core.mesh.polylines import segment_distances
-from vtkmuscle.core.pbd.anisotropy import fibre_directions_at
+from vtkmuscle.core.pbd.sweep import fibre_directions_at
 
 
 def lines_of(fibres):

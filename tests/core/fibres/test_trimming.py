@@ -51,9 +51,7 @@ def trimmed(lines, *, origin=None, insertion=None, largest_cut=0.4, tolerance=0.
         offsets,
         axis=AXIS,
         areas=(origin or area(**BOTTOM), insertion or area(**TOP)),
-        into_muscle=into_rod,
-        tolerance=tolerance,
-        largest_cut=largest_cut,
+        limits=(into_rod, tolerance, largest_cut),
     )
     return result.reshape(lines.shape)
 
@@ -140,9 +138,7 @@ def test_the_ends_stay_on_the_areas_where_these_are_not_in_the_muscle():
         np.arange(6) * lines.shape[1],
         axis=AXIS,
         areas=(bottom, top),
-        into_muscle=lambda places: into_rod(places).clip([-99, -99, 12], [99, 99, LENGTH - 12]),
-        tolerance=0.6,
-        largest_cut=0.4,
+        limits=(lambda places: into_rod(places).clip([-99, -99, 12], [99, 99, LENGTH - 12]), 0.6, 0.4),
     ).reshape(lines.shape)
     for end, number in ((bottom, 0), (top, -1)):
         assert distance_to_patch(result[:, number], end).max() < 1e-9
@@ -176,9 +172,7 @@ def test_new_segments_stay_in_the_muscle_even_beside_a_hollow():
         np.arange(0, 12 * 41 + 1, 41),
         axis=AXIS,
         areas=(area(**BOTTOM), area(lambda p: p[:, 2] >= LENGTH, 60.0)),
-        into_muscle=out_of_hollow,
-        tolerance=0.6,
-        largest_cut=0.5,
+        limits=(out_of_hollow, 0.6, 0.5),
     )
     assert max(pushed[:-1]) > 3  # cut where the plane is, the new segments would cross the hollow
     assert pushed[-1] < 0.8  # and the final ones do not

@@ -60,7 +60,7 @@ class Both:
                 solids[index] = paper.Voxels(*checked_surface(bone, "bone"), self.n_voxels)
         parts = parts if self.with_fibres else ()
         self.product.update(time=float(self.motion.times[0]))
-        order = self.product._solver.rows.order
+        order = self.product._kept["solver"][1][0].rows.order
         return paper.Muscle(self.points, self.triangles, self.fixed_to, parts, solids, order=order.tolist())
 
     def deformed(self, muscle):
@@ -184,7 +184,7 @@ def test_displacements_are_below_a_hundredth_of_a_millimetre_at_the_tenth_iterat
     for time in scene.motion.times[:46]:
         muscle = both.product.update(time=float(time)).output
         assert np.isfinite(points_of(muscle)).all()
-        centre = both.product._solver.centre
+        centre = both.product._kept["solver"][1][0].centre
         tenth.append(float(np.linalg.norm(points_of(muscle) - centre - moves[-1], axis=1).mean()))
     assert len(moves) == 46 * 10
     assert np.mean(tenth[1:]) * scene.millimetres < 0.01

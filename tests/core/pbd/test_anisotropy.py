@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from spindle import spindle
 
 from vtkmuscle.core.mesh.surface import mesh_topology
-from vtkmuscle.core.pbd.anisotropy import edge_stiffness, fibre_directions_at, harmonic_directions
+from vtkmuscle.core.pbd.sweep import edge_stiffness, fibre_directions_at, harmonic_directions
 
 
 def test_stiffness_is_zero_along_and_one_across_whatever_the_sign():

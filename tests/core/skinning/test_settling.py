@@ -9,7 +9,7 @@ from vtkmuscle.core.bones.bone import bone_of
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import mesh_topology, signed_volume
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
-from vtkmuscle.core.skinning.settling import Settling
+from vtkmuscle.core.skinning.carried_muscle import Settling
 
 POINTS, TRIANGLES, FIXED_TO = spindle(rings=40, around=24, seed=0)
 FREE = FIXED_TO < 0

@@ -148,7 +148,7 @@ def test_errors_say_where_and_what_is_allowed(content, message):
 def test_files_that_are_none_are_errors_of_the_source(tmp_path):
     with pytest.raises(ValueError, match=r"Source: template_file: .*missing.toml cannot be read"):
         FibreTemplateSource(template_file=str(tmp_path / "missing.toml")).update()
-    for name, message in (("own.yaml", "must be a .toml or a .json"), ("own.json", "is not JSON")):
+    for name, message in (("own.yaml", "must be a .toml or a .json"), ("own.json", "cannot be read as JSON")):
         (tmp_path / name).write_text(STRAP)
         with pytest.raises(ValueError, match=message):
             FibreTemplateSource(template_file=str(tmp_path / name)).update()

@@ -109,22 +109,23 @@ def attachment_patch(
     usual = float(edge_lengths(points, edges).mean())
     within = usual if tolerance is None else tolerance
     vertices = _nearest_vertices(points, triangles, landmarks, (within, usual), bone_distance)
-    ring = closed and not _on_a_line(landmarks)
-    curve = geodesic_curve(points, edges, vertices, closed=ring)
+    ring = closed and len(landmarks) > 2
     if ring:
-        parts = _parts_cut_by(edges, edge_of, curve, len(points))
-        patch = _enclosed(points, triangles, curve, parts, bone_distance)
-        if len(patch):
-            return patch
-    return _near_curve(points, edges, curve, within)
+        spread = np.linalg.svd(landmarks - landmarks.mean(axis=0), compute_uv=False)
+        ring = bool(spread[1] > _FLATNESS * spread[0])
+    curve = geodesic_curve(points, edges, vertices, closed=ring)
+    if ring and len(patch := _enclosed(points, triangles, curve, (edges, edge_of), bone_distance)):
+        return patch
+    # Points connected with the curve: the opposite face may be as near.
+    segments = np.column_stack([curve, np.append(curve[1:], curve[-1]), curve])  # triangles without area
+    on_patch = triangle_tree(points, segments).nearest(points)[2] <= within
+    on_patch[curve] = True
+    labels = point_components(len(points), edges[on_patch[edges].all(axis=1)])
+    return np.flatnonzero(on_patch & np.isin(labels, labels[curve])).astype(np.int64)
 
 
 def _nearest_vertices(
-    points: Floats,
-    triangles: Ints,
-    landmarks: Floats,
-    lengths: tuple[float, float],
-    bone_distance: FloatMap | None,
+    points: Floats, triangles: Ints, landmarks: Floats, lengths: tuple[float, float], to_bone: FloatMap | None
 ) -> Ints:
     """Return the nearest used point of each landmark.
 
@@ -144,56 +145,40 @@ def _nearest_vertices(
         problem = f"landmark {worst} is {offsets[worst]:.4g} from the muscle, of size {diagonal:.4g}"
         remedy = "check the units, leave out an attachment of another muscle, or give a larger distance"
         raise InputError("", f"{problem}; at most {limit:.4g} is accepted", remedy)
-    if bone_distance is not None and offsets[worst] > ON_POINTS * diagonal:
-        _prefer_facing(points, triangles, landmarks, nearest, (tree, used, limit, lengths[1]), bone_distance)
+    if to_bone is not None and offsets[worst] > ON_POINTS * diagonal:
+        outward = vertex_normals(points, triangles) * np.sign(signed_volume(points, triangles) or 1.0)
+        waiting, count, step = np.arange(len(landmarks)), 1, lengths[1]
+        while len(waiting):
+            offsets, candidates = tree.query(landmarks[waiting], [*range(count // 2 + 1, count + 1)])
+            ids = used[np.minimum(candidates, len(used) - 1)].ravel()
+            # Landmarks nearest to the rim stay there, but no landmark moves there.
+            least = -FACING if count == 1 else FACING
+            approach = to_bone(points[ids]) - to_bone(points[ids] + step * outward[ids])
+            facing = ((approach / step).reshape(candidates.shape) >= least) & (offsets <= limit)
+            settled = facing.any(axis=1)
+            nearest[waiting[settled]] = candidates[settled, facing[settled].argmax(axis=1)]
+            waiting = waiting[~settled & (offsets[:, -1] <= limit)]
+            count *= 2
     vertices: Ints = used[nearest].astype(np.int64)
     return np.asarray(vertices[np.append(True, vertices[1:] != vertices[:-1])])
 
 
-def _prefer_facing(
-    points: Floats,
-    triangles: Ints,
-    landmarks: Floats,
-    nearest: Ints,
-    among: tuple[cKDTree, Ints, float, float],
-    bone_distance: FloatMap,
-) -> None:
-    """Give each landmark the nearest point facing the bone.
-
-    `nearest` (k,), changed in place, has an index into the used points for each landmark; `among` are the
-    tree of the used points, their ids, the limit, and the step along normals.
-    """
-    tree, used, limit, step = among
-    outward = vertex_normals(points, triangles) * np.sign(signed_volume(points, triangles) or 1.0)
-    waiting, count = np.arange(len(landmarks)), 1
-    while len(waiting):
-        offsets, candidates = tree.query(landmarks[waiting], [*range(count // 2 + 1, count + 1)])
-        ids = used[np.minimum(candidates, len(used) - 1)].ravel()
-        # Landmarks nearest to the rim stay there, but no landmark moves there.
-        least = -FACING if count == 1 else FACING
-        approach = bone_distance(points[ids]) - bone_distance(points[ids] + step * outward[ids])
-        facing = ((approach / step).reshape(candidates.shape) >= least) & (offsets <= limit)
-        settled = facing.any(axis=1)
-        nearest[waiting[settled]] = candidates[settled, facing[settled].argmax(axis=1)]
-        waiting = waiting[~settled & (offsets[:, -1] <= limit)]
-        count *= 2
-
-
-def _on_a_line(landmarks: Floats) -> bool:
-    """Return True for fewer than three landmarks, or collinear landmarks."""
-    spread = np.linalg.svd(landmarks - landmarks.mean(axis=0), compute_uv=False)
-    return len(landmarks) < 3 or bool(spread[1] <= _FLATNESS * spread[0])
-
-
 def _enclosed(
-    points: Floats, triangles: Ints, loop: Ints, parts: tuple[Ints, Ints], bone_distance: FloatMap | None
+    points: Floats, triangles: Ints, loop: Ints, numbered: tuple[Ints, Ints], to_bone: FloatMap | None
 ) -> Ints:
     """Return the points inside a closed loop of edges.
 
     Triangles are flooded across all edges except the loop's. The largest part at the loop is the outside. The
     loop may be any: geodesics may share edges, touch and cross.
     """
-    labels, at_loop = parts
+    edges, edge_of = numbered
+    of_loop = np.column_stack([loop[:-1], loop[1:]])
+    cut = np.isin(*(np.sort(each, axis=1) @ np.array([len(points), 1]) for each in (edges, of_loop)))
+    order = np.argsort(edge_of, kind="stable")
+    owners, number = order // 3, edge_of[order]  # the triangle and the edge of each half-edge
+    joined = (number[1:] == number[:-1]) & ~cut[number[1:]]
+    labels = point_components(len(triangles), np.column_stack([owners[:-1], owners[1:]])[joined])
+    at_loop = np.unique(labels[owners[cut[number]]])
     if len(at_loop) < 2:
         return np.zeros(0, dtype=np.int64)
     areas = np.linalg.norm(triangle_normals(points, triangles), axis=1) / 2.0
@@ -204,36 +189,12 @@ def _enclosed(
     share = areas[inside].sum() / (areas[inside].sum() + areas[outside].sum())
     # A flat muscle may be attached with a whole face, and area does not tell its faces apart. (Nor does the
     # plane of the ring: over a hollow bone the wrong face is nearer.)
-    if bone_distance is not None and share > CLEAR_SHARE:
-        distances = bone_distance(points[triangles].mean(axis=1))
+    if to_bone is not None and share > CLEAR_SHARE:
+        distances = to_bone(points[triangles].mean(axis=1))
         nearness = [np.average(distances[part], weights=areas[part]) for part in (inside, outside)]
         if nearness[1] < nearness[0]:
             inside = outside
     return np.union1d(triangles[inside], loop)
-
-
-def _parts_cut_by(edges: Ints, edge_of: Ints, loop: Ints, n_points: int) -> tuple[Ints, Ints]:
-    """Return each triangle's part, and the parts at the loop. Parts (m,) of the cut surface."""
-    cut = np.isin(_edge_keys(edges, n_points), _edge_keys(np.column_stack([loop[:-1], loop[1:]]), n_points))
-    order = np.argsort(edge_of, kind="stable")
-    owners = order // 3  # the triangle of each half-edge
-    number = edge_of[order]
-    joined = (number[1:] == number[:-1]) & ~cut[number[1:]]
-    labels = point_components(len(edge_of) // 3, np.column_stack([owners[:-1], owners[1:]])[joined])
-    return labels, np.unique(labels[owners[cut[number]]])
-
-
-def _edge_keys(edges: Ints, n_points: int) -> Ints:
-    return np.asarray(np.sort(edges, axis=1) @ np.array([n_points, 1]))
-
-
-def _near_curve(points: Floats, edges: Ints, curve: Ints, tolerance: float) -> Ints:
-    """Return points within a tolerance of a curve, connected with it, so not the opposite face."""
-    segments = np.column_stack([curve, np.append(curve[1:], curve[-1]), curve])  # triangles without area
-    on_patch = triangle_tree(points, segments).nearest(points)[2] <= tolerance
-    on_patch[curve] = True
-    labels = point_components(len(points), edges[on_patch[edges].all(axis=1)])
-    return np.flatnonzero(on_patch & np.isin(labels, labels[curve])).astype(np.int64)
 
 
 def discs_over(rings: Sequence[Floats]) -> tuple[Floats, Ints]:

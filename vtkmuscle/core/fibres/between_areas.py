@@ -99,7 +99,12 @@ def _taken(origin: EndSurface, insertion: EndSurface, candidates: Sequence[Float
         return candidates
     counts = [COARSE, COARSE]
     counts[larger] = round(ratio * COARSE)
-    even = [_by_section(*each) for each in zip(coarse, sections, counts, strict=True)]
+    even = []
+    for positions, section, count in zip(coarse, sections, counts, strict=True):  # of equal shares
+        mixed, size = np.random.default_rng(0).permutation(len(positions)), CANDIDATES * count
+        shares = np.cumsum(section[mixed])
+        chosen = np.searchsorted(shares, (np.arange(size) + 0.5) / size * shares[-1])
+        even += even_positions([positions[mixed][chosen]], count)
     centred = [x - np.average(y, axis=0, weights=w) for x, y, w in zip(even, coarse, sections, strict=True)]
     costs = ((centred[0][:, None] - centred[1]) ** 2).sum(axis=-1)
     used = linear_sum_assignment(costs)[larger]
@@ -107,15 +112,6 @@ def _taken(origin: EndSurface, insertion: EndSurface, candidates: Sequence[Float
     taken = list(candidates)
     taken[larger] = candidates[larger][np.isin(nearest, used)]
     return taken
-
-
-def _by_section(positions: Floats, sections: Floats, count: int) -> Floats:
-    """Return positions (count, 3) of equal shares of a cross-section."""
-    mixed = np.random.default_rng(0).permutation(len(positions))
-    shares = np.cumsum(sections[mixed])
-    size = CANDIDATES * count
-    chosen = positions[mixed][np.searchsorted(shares, (np.arange(size) + 0.5) / size * shares[-1])]
-    return even_positions([chosen], count)[0]
 
 
 def filled_share(fibres: Floats, origin: EndSurface, insertion: EndSurface, volume: float) -> float:
@@ -175,15 +171,13 @@ def even_positions(areas: Sequence[Floats], count: int) -> list[Floats]:
     Lloyd's relaxation make round. The axis is turned to each area by half of the optimal map between their
     normal distributions. So similar areas have similar positions, whichever area is first.
     """
-    return [_relaxed(area, part, count) for area, part in zip(areas, halved(areas, count), strict=True)]
-
-
-def _relaxed(candidates: Floats, part: Ints, count: int) -> Floats:
-    """Return the candidates nearest to the relaxed centres of parts."""
-    centres = part_means(candidates, part, count)
-    for _ in range(RELAXATIONS):
-        centres = part_means(candidates, cKDTree(centres).query(candidates)[1], count, centres)
-    return np.asarray(candidates[cKDTree(candidates).query(centres)[1]])
+    positions = []
+    for area, part in zip(areas, halved(areas, count), strict=True):
+        centres = part_means(area, part, count)
+        for _ in range(RELAXATIONS):
+            centres = part_means(area, cKDTree(centres).query(area)[1], count, centres)
+        positions.append(area[cKDTree(area).query(centres)[1]])
+    return positions
 
 
 def halved(areas: Sequence[Floats], count: int) -> list[Ints]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 from typing import NamedTuple
 
@@ -19,7 +18,7 @@ from vtkmuscle.core.mesh.polylines import curve_segments, nearest_arcs
 from vtkmuscle.core.mesh.solids import points_inside, solids_of
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree, tree_of_deformed
 from vtkmuscle.core.skinning.skinning import falling_weights
-from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.core.types import Bools, Floats, Ints, Progress, quiet
 
 #: Points in a block of weights: a step of progress, and the time until an abort.
 _BLOCK = 256
@@ -47,11 +46,6 @@ class EmbeddedPoints:
         self._weights: dict[int, Floats] = {}
         self._bent: TriangleTree | None = None
 
-    def same_as(self, positions: Floats, points: Floats, triangles: Ints, weight_tolerance: float) -> bool:
-        """Return whether the object was made from equal arguments."""
-        arrays = (self.positions, positions), (self.points, points), (self.triangles, triangles)
-        return self.weight_tolerance == weight_tolerance and all(np.array_equal(*pair) for pair in arrays)
-
     @cached_property
     def gap(self) -> Floats:
         """Distances (p,) from the muscle at rest [mm]; 0 inside."""
@@ -72,7 +66,7 @@ class EmbeddedPoints:
         """Largest error of merged weights [mm]. For a muscle bent by about a radian."""
         return 0.0 if self._sparse is None else self._sparse.error
 
-    def moved(self, vertices: Floats, report: Callable[[float], None]) -> Floats:
+    def moved(self, vertices: Floats, report: Progress) -> Floats:
         """Return the moved points (p, 3). For vertices (n, 3); `report` takes the fraction done."""
         if self.weight_tolerance > 0.0:
             if self._sparse is None:
@@ -170,12 +164,7 @@ class SparseWeights(NamedTuple):
 
 
 def sparse_mean_value_coordinates(
-    points: Floats,
-    triangles: Ints,
-    queries: Floats,
-    *,
-    prune: float,
-    report: Callable[[float], None] = lambda part: None,
+    points: Floats, triangles: Ints, queries: Floats, *, prune: float, report: Progress = quiet
 ) -> SparseWeights:
     """Return mean value coordinates with merged weights.
 
@@ -323,10 +312,10 @@ class Tendons:
 
         Fibres that are straight at rest stay straight.
         """
-        ends = [
-            np.where(free[:, None], side.positions(paths[:, :: -1 if end else 1]), carried[:, end])
-            for end, free, side in zip((0, -1), self._free.T, self._sides, strict=True)
-        ]
+        ends = []
+        for end, free, side in zip((0, -1), self._free.T, self._sides, strict=True):
+            held = side.positions(paths[:, :: -1 if end else 1])
+            ends.append(np.where(free[:, None], held, carried[:, end]))
         bows = carried - self._chords(carried[:, 0], carried[:, -1])
         return self._chords(*ends) + np.where(self._bent[:, None, None], bows, 0.0)
 

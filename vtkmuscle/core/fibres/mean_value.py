@@ -31,6 +31,7 @@ from scipy.spatial.distance import cdist
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import lane, vector_kernel
 from vtkmuscle.core.machine import processors
+from vtkmuscle.core.mesh.surface import diagonal
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Distance below which a query point lies on a vertex, edge or triangle; part of the mesh's diagonal.
@@ -100,25 +101,23 @@ def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
     double_areas = np.linalg.norm(normals, axis=1)
     squares = (sides**2).sum(axis=2)
     proper = double_areas > np.finfo(np.float64).eps * squares.max(axis=1, initial=0.0)
-    triangles, sides, double_areas, squares = (
-        array[proper] for array in (triangles, sides, double_areas, squares)
-    )
-    normals = normals[proper] / double_areas[:, None]
+    arrays = triangles, sides, normals, double_areas, squares
+    triangles, sides, normals, double_areas, squares = (array[proper] for array in arrays)
+    normals = normals / double_areas[:, None]
     used = vertices[np.unique(triangles)]
     if not len(used):
         raise InputError("mean value coordinates", "the mesh has no triangle with an area")
     l0, l1, l2 = sides[:, 0], sides[:, 1], sides[:, 2]
     products = np.stack([(a * b).sum(axis=1) for a, b in ((l0, l1), (l0, l2), (l1, l2))], axis=1)
     crosses = np.cross(l1, normals), np.cross(l2, normals)
+    constants = [normals, *crosses, double_areas, products / double_areas[:, None], squares]
     return CoordinateMesh(
-        vertices=np.ascontiguousarray(vertices, dtype=np.float64),
-        triangles=np.ascontiguousarray(triangles, dtype=np.int64),
-        constants=np.column_stack(
-            [normals, *crosses, double_areas, products / double_areas[:, None], squares]
-        ),
+        np.ascontiguousarray(vertices, dtype=np.float64),
+        np.ascontiguousarray(triangles, dtype=np.int64),
+        np.column_stack(constants),
         spread=vertices @ np.linalg.pinv(vertices.T @ vertices),
         centre=centre,
-        diagonal=float(np.linalg.norm(np.ptp(used, axis=0))),
+        diagonal=diagonal(used),
     )
 
 

@@ -113,12 +113,18 @@ def arrangement(points: Floats, offsets: Ints, samples: Floats, volume: float) -
     fibres = [points[a:b] for a, b in pairwise(offsets)]
     lines = evenly_spaced(points, offsets, STATIONS)
     turns = [_turns(np.diff(fibre, axis=0)) for fibre in fibres]
-    neighbours = _neighbours(lines[:, STATIONS // 2])
+    neighbours, bare = _neighbours(lines[:, STATIONS // 2]), 0.0
+    if len(samples):
+        spacing = _spacing(lines, offsets, points, samples, abs(volume))
+        # A point between two stations half a spacing apart seems farther by 3 %, at most.
+        stations = math.ceil(2.0 * polyline_lengths(points, offsets).max() / spacing) + 1
+        near = cKDTree(evenly_spaced(points, offsets, stations).reshape(-1, 3))
+        bare = float((near.query(samples)[0] > spacing).mean())
     return Arrangement(
         crossing=max(_crossing(lines, neighbours), _crossing(lines[:, ::-1], neighbours)),
         hooked=float(np.mean([turn.max(initial=0.0) > HOOKED for turn in turns])),
         turning=float(np.percentile([turn.sum() for turn in turns], 95.0)),
-        bare=_bare(lines, offsets, points, samples, abs(volume)) if len(samples) else 0.0,
+        bare=bare,
     )
 
 
@@ -137,15 +143,6 @@ def _neighbours(middle: Floats) -> Ints:
     nearest = cKDTree(middle).query(middle, count + 1)[1]
     # The fibre itself is among the nearest, though not always first among coincident fibres.
     return np.array([row[row != number][:count] for number, row in enumerate(nearest)])
-
-
-def _bare(lines: Floats, offsets: Ints, points: Floats, samples: Floats, volume: float) -> float:
-    """Return the part of samples farther than the spacing from any fibre."""
-    spacing = _spacing(lines, offsets, points, samples, volume)
-    # A point between two stations half a spacing apart seems farther by 3 %, at most.
-    stations = math.ceil(2.0 * polyline_lengths(points, offsets).max() / spacing) + 1
-    near = cKDTree(evenly_spaced(points, offsets, stations).reshape(-1, 3))
-    return float((near.query(samples)[0] > spacing).mean())
 
 
 def _spacing(lines: Floats, offsets: Ints, points: Floats, samples: Floats, volume: float) -> float:

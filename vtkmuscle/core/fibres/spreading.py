@@ -155,15 +155,6 @@ def _square_to(nodes: Floats, i: int, x: float, y: float, z: float) -> float:
     return square
 
 
-def _divide(lines: Floats, pieces: int) -> tuple[Floats, Ints]:
-    """Return nodes (q, 3) along lines, and stations (q,). There are `pieces` nodes per interval."""
-    share = (np.arange(pieces) / pieces)[:, None]
-    between = (1.0 - share) * lines[:, :-1, None] + share * lines[:, 1:, None]
-    nodes = np.concatenate([between.reshape(len(lines), -1, 3), lines[:, -1:]], axis=1)
-    stations = np.append(np.repeat(np.arange(STATIONS - 1), pieces), STATIONS - 2)
-    return nodes.reshape(-1, 3), (np.arange(len(lines))[:, None] * STATIONS + stations).reshape(-1)
-
-
 def _pulls(
     lines: Floats, pieces: int, within: Cloud, grid: tuple[Floats, Floats, Ints], band: float
 ) -> tuple[Floats, Floats]:
@@ -173,7 +164,11 @@ def _pulls(
     of the band. The grid is its corner (3,), its scales (3,) [1/mm], and its shape.
     """
     low, scales, shape = grid
-    nodes, station_of = _divide(lines, pieces)
+    share = (np.arange(pieces) / pieces)[:, None]
+    between = (1.0 - share) * lines[:, :-1, None] + share * lines[:, 1:, None]
+    nodes = np.concatenate([between.reshape(len(lines), -1, 3), lines[:, -1:]], axis=1).reshape(-1, 3)
+    stations = np.append(np.repeat(np.arange(STATIONS - 1), pieces), STATIONS - 2)
+    station_of = (np.arange(len(lines))[:, None] * STATIONS + stations).reshape(-1)
     cells = np.minimum(((nodes - low) * scales).astype(np.int64), shape - 1)
     order, offsets = sorted_into_bins(np.ravel_multi_index(tuple(cells.T), tuple(shape)), int(shape.prod()))
     pulls, weights = np.zeros((len(lines) * STATIONS, 3)), np.zeros(len(lines) * STATIONS)
@@ -185,15 +180,9 @@ def _pulls(
 
 @kernel
 def _pull(
-    stations: Floats,
-    samples: Floats,
-    grid: tuple[Floats, Ints, Ints, Floats, Floats, Ints],
-    band: float,
-    candidates: Ints,
-    squares: Floats,
-    pulls: Floats,
-    weights: Floats,
-) -> None:
+    stations: Floats, samples: Floats, grid: tuple[Floats, Ints, Ints, Floats, Floats, Ints], band: float,
+    candidates: Ints, squares: Floats, pulls: Floats, weights: Floats,
+) -> None:  # fmt: skip
     """Add to the results of :func:`_pulls`; candidates, squares : memory."""
     nodes, station_of, offsets, low, scales, shape = grid
     lx, ly, lz = low[0], low[1], low[2]

@@ -59,9 +59,7 @@ def trim_fibres(
     *,
     axis: Floats,
     areas: tuple[EndArea, EndArea],
-    into_muscle: FloatMap,
-    tolerance: float,
-    largest_cut: float,
+    limits: tuple[FloatMap, float, float],
 ) -> Floats:
     """Return fibres (n, 3) from area to area. The number of points is kept.
 
@@ -76,18 +74,16 @@ def trim_fibres(
         two or more points, and n;
     axis : (3,), unit vector from origin to insertion;
     areas : EndArea, EndArea, areas of the origin and of the insertion;
-    into_muscle : callable, from points (j, 3) to the nearest points (j, 3) of the muscle; inner points stay
-        [mm];
-    tolerance : largest distance of a new segment outside the muscle [mm];
-    largest_cut : largest part of a fibre's length cut off at either end, at most 0.5.
+    limits : map from points (j, 3) to the nearest points (j, 3) of the muscle, where inner points stay [mm];
+        largest distance of a new segment outside the muscle [mm]; largest part of a fibre's length cut off at
+        either end, at most 0.5.
     """
     backwards = points[np.repeat(offsets[:-1] + offsets[1:] - 1, np.diff(offsets)) - np.arange(offsets[-1])]
-    limits = into_muscle, tolerance, largest_cut
     starts = _new_ends(backwards, offsets, -axis, areas[0], limits)
     ends = _new_ends(points, offsets, axis, areas[1], limits)
     result = _replaced_ends(points, offsets, starts, ends)
     inner = inner_points(offsets)
-    result[inner] = into_muscle(result[inner])
+    result[inner] = limits[0](result[inner])
     return result
 
 
@@ -161,7 +157,10 @@ def _best_cut(
     levels, least = np.zeros(len(ends), dtype=np.int64), np.full(len(ends), np.inf)
     for level in range(len(CUTS)):
         starts, segments = departures[level, open_], ends[open_] - departures[level, open_]
-        turns = np.degrees(np.arccos(np.clip(_cosines(rays[level, open_], segments), -1.0, 1.0)))
+        dots, ray = (rays[level, open_] * segments).sum(axis=1), np.linalg.norm(rays[level, open_], axis=1)
+        scale = ray * np.linalg.norm(segments, axis=1)
+        cosines = np.divide(dots, scale, out=np.ones(len(scale)), where=scale > 0)
+        turns = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
         # A segment whose turn alone is worse than the best cut needs no check against the surface.
         worth = np.where(turns <= LARGEST_TURN, turns / 180.0, turns / LARGEST_TURN) < least[open_]
         if not worth.any():
@@ -207,12 +206,6 @@ def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
     turns = np.zeros(len(points))
     turns[i] = np.degrees(np.arctan2(sines, (before * after).sum(axis=1)))
     return np.maximum.reduceat(turns, offsets[:-1])
-
-
-def _cosines(a: Floats, b: Floats) -> Floats:
-    """Return cosines (k,) of angles between vectors (k, 3). They are 1 for a vector of no length."""
-    scale = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
-    return np.asarray(np.divide((a * b).sum(axis=1), scale, out=np.ones(len(a)), where=scale > 0))
 
 
 def assign_positions(departures: Floats, positions: Floats) -> Ints:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 
 from vtkmuscle.core.mesh.normals import triangle_normals
@@ -41,9 +41,7 @@ def cotangent_laplacian(points: Floats, triangles: Ints) -> csr_array:
     weights = coo_array((halves[proper], (i, j)), shape=(n, n)).tocsr()
     weights.data = np.clip(weights.data, *COTANGENT_BOUNDS)
     weights = weights + weights.T
-    degrees = np.asarray(weights.sum(axis=1)).reshape(-1)
-    diagonal = np.arange(n)
-    return csr_array(coo_array((degrees, (diagonal, diagonal)), shape=(n, n)).tocsr() - weights)
+    return csr_array(diags_array(np.asarray(weights.sum(axis=1)).reshape(-1)).tocsr() - weights)
 
 
 def harmonic_extension(points: Floats, triangles: Ints, fixed: Ints, values: Floats) -> Floats:

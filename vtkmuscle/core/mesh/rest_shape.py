@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import lane, vector_kernel
 from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, edge_lengths
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -50,22 +51,23 @@ def volume_and_gradient(p: Floats, triangles: Ints, gradient: Floats) -> float:
 
 @vector_kernel
 def project_volume(
-    p: Floats, w: Floats, triangles: Ints, rest: float, floor: float, gradient: Floats
-) -> float:
+    p: Floats, w: Floats, shares: Floats, triangles: Ints, rest: float, stiffness: float, floor: float,
+    gradient: Floats,
+) -> float:  # fmt: skip
     """Move points to the rest volume; return the volume before. To first order.
 
-    p_i -= w_i (V - V0) g_i / sum_j w_j |g_j|^2 (Müller, Heidelberger, Hennix, Ratcliff 2007, *Position based
-    dynamics*, doi:10.1016/j.jvcir.2007.01.005, eq. 6-8). p : (n, 3), changed in place;  w : (n,) inverse
-    masses, 1 free, 0 fixed;  rest : V0 [mm^3]; floor : least denominator [mm^4];  gradient : (n, 3) working
-    memory.
+    p_i -= k w_i (V - V0) g_i / sum_j s_j |g_j|^2 (Müller, Heidelberger, Hennix, Ratcliff 2007, *Position
+    based dynamics*, doi:10.1016/j.jvcir.2007.01.005, eq. 6-8, with the shares s = w). p : (n, 3), changed in
+    place;  w, shares : (n,) inverse masses, 1 free, 0 fixed;  rest : V0 [mm^3]; stiffness : k, 0 to 1; floor
+    : least denominator [mm^4];  gradient : (n, 3) working memory.
     """
     volume = volume_and_gradient(p, triangles, gradient)
-    weighted = 0.0
+    squares = 0.0
     for i in range(len(p)):
         x, y, z = gradient[i, 0], gradient[i, 1], gradient[i, 2]
-        weighted += w[i] * (x * x + y * y + z * z)
-    if weighted > 0.0:
-        s = (volume - rest) / max(weighted, floor)
+        squares += shares[i] * (x * x + y * y + z * z)
+    if squares > 0.0:
+        s = stiffness * (volume - rest) / max(squares, floor)
         for i in range(len(p)):
             for axis in range(3):
                 p[i, axis] -= s * w[i] * gradient[i, axis]
@@ -138,8 +140,7 @@ def beside_slivers(points: Floats, quads: Ints) -> Bools:
     return sliver
 
 
-@dataclass(frozen=True)
-class ShapeReport:
+class ShapeReport(NamedTuple):
     """Deviations of a deformed surface from its rest shape."""
 
     volume_ratio: float  # V / V0
@@ -158,10 +159,8 @@ class RestShape:
 
     def __init__(self, points: Floats, topology: MeshTopology) -> None:
         if topology.n_boundary_edges:
-            raise ValueError(
-                f"the surface is open: {topology.n_boundary_edges} edges belong to one triangle only; "
-                "close it (vtkFillHolesFilter), as an open surface has no volume"
-            )
+            problem = f"the surface is open: {topology.n_boundary_edges} edges belong to one triangle only"
+            raise InputError("", problem, "close it (vtkFillHolesFilter), as an open surface has no volume")
         self.points, self.topology = points, topology
         #: Of the edges, (k,) [mm].
         self.lengths: Floats = edge_lengths(points, topology.edges)
@@ -192,3 +191,47 @@ class RestShape:
             dihedral_error_p95=float(np.degrees(np.percentile(turns, 95.0))) if len(turns) else 0.0,
             degenerate_edges=len(defined) - len(turns),
         )
+
+
+#: Times that bones and volume are attended to in turn at the end, at most, and the relative error of the
+#: volume that is as good as none.
+LAST_PASSES, VOLUME_TOLERANCE = 30, 1e-10
+
+
+class Volume:
+    """Restores the volume of a muscle.
+
+    shape : RestShape, the muscle at rest;
+    free : (n,) bool, points that may be moved.
+    """
+
+    def __init__(self, shape: RestShape, free: Bools) -> None:
+        self._triangles, self._rest = shape.topology.triangles, shape.volume
+        self._mass: Floats = free.astype(np.float64)
+        areas = np.linalg.norm(shape.volume_gradient, axis=1)
+        self._floor = VOLUME_FLOOR * float(self._mass @ areas**2)
+        self._gradient: Floats = np.empty_like(shape.points)
+
+    def restore(self, points: Floats, held: Bools | None = None) -> float:
+        """Move points towards the rest volume.
+
+        Points (n, 3) that are held stay. Return the relative error of the volume before.
+        """
+        mass = self._mass if held is None else np.where(held, 0.0, self._mass)
+        rest = self._triangles, self._rest, 1.0, self._floor
+        volume = project_volume(points, mass, mass, *rest, self._gradient)
+        return abs(volume / self._rest - 1.0)
+
+    def finish(self, points: Floats, keep_out: Callable[[Floats], Bools]) -> Bools:
+        """Take points out of the bones.
+
+        The remaining points give back the lost volume; return the held points.
+        """
+        held = np.zeros(len(points), dtype=np.bool_)
+        for _ in range(LAST_PASSES):
+            new = keep_out(points) & ~held
+            held |= new
+            off = self.restore(points, held)
+            if not (new.any() or off > VOLUME_TOLERANCE):
+                break
+        return held

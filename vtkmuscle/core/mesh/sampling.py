@@ -124,7 +124,10 @@ class PatchSamples:
         """Return the positions of numbers (k, 3) in [0, 1)."""
         if self._parts.shape[1] == 1:
             return self.points[self._parts[:, 0]]
-        a, b, *third = self.points[self._parts[_shares(self._sizes, u[:, 0])]].transpose(1, 0, 2)
+        bounds = np.cumsum(self._sizes)
+        # Without the offset, fractions of a power of two fall on bounds of equal parts: rounding decides.
+        chosen = np.searchsorted(bounds, (u[:, 0] + OFF_BOUNDS) * bounds[-1], side="right")
+        a, b, *third = self.points[self._parts[chosen.clip(max=len(bounds) - 1)]].transpose(1, 0, 2)
         if not third:
             return np.asarray((1.0 - u[:, 1:2]) * a + u[:, 1:2] * b)
         root = np.sqrt(u[:, 1:2])  # uniform over it: Osada et al. 2002, doi:10.1145/571647.571648
@@ -217,14 +220,6 @@ def samples_inside(inside: Callable[[Floats], Bools], points: Floats, count: int
         if len(samples) >= count:
             break
     return samples[:count]
-
-
-def _shares(sizes: Floats, u: Floats) -> Ints:
-    """Return the part of each u in [0, 1). By the parts' sizes."""
-    bounds = np.cumsum(sizes)
-    # Without the offset, fractions of a power of two fall on bounds of equal parts, where rounding decides.
-    chosen: Ints = np.searchsorted(bounds, (u + OFF_BOUNDS) * bounds[-1], side="right")
-    return chosen.clip(max=len(sizes) - 1)
 
 
 def sobol(count: int, dimension: int, *, first: int = 0) -> Floats:

@@ -28,14 +28,10 @@ class Differences(NamedTuple):
     A slope is of the parabola through a pose and two neighbours, on both sides if possible, else the next two
     on a side. With a single neighbour it is the slope of the line.
 
-    Attributes
-    ----------
-    frames : (m,) int array
-        Ascending numbers of the poses.
-    neighbours : (m, 2) int array
-        Numbers of the two neighbours.
-    weights : (m, 2) array
-        Weights of their differences from the pose, per unit of the coordinate [1 / rad or 1 / mm].
+    frames : (m,) int, ascending numbers of the poses;
+    neighbours : (m, 2) int, numbers of the two neighbours;
+    weights : (m, 2), weights of their differences from the pose, per unit of the coordinate [1 / rad or 1 /
+        mm].
     """
 
     frames: Ints
@@ -72,10 +68,9 @@ def differences_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) ->
         poses = np.split(members, first[1:])
         for index, frames in enumerate(poses):
             for frame in frames:
-                adjacent = [
-                    poses[i][np.abs(poses[i] - frame).argmin()] for i in _adjacent(index, len(values))
-                ]
-                if adjacent:
+                inward = (-1, 1) if 0 < index < len(values) - 1 else (1, 2) if index == 0 else (-1, -2)
+                others = [poses[i] for i in (index + step for step in inward) if 0 <= i < len(values)]
+                if adjacent := [other[np.abs(other - frame).argmin()] for other in others]:
                     neighbours[frame] = adjacent[0], adjacent[-1]
                     weights[frame] = _weights([float(q[other] - q[frame]) for other in adjacent])
     frames = np.flatnonzero(weights[:, 0])
@@ -89,14 +84,6 @@ def _numbered(values: Floats) -> Ints:
     numbers = np.empty(len(values), dtype=np.int64)
     numbers[order] = np.concatenate([[0], np.cumsum(apart)])
     return numbers
-
-
-def _adjacent(index: int, count: int) -> list[int]:
-    """Return the indices from which a slope is taken. Of `count` in a row."""
-    if 0 < index < count - 1:
-        return [index - 1, index + 1]
-    inward = (1, 2) if index == 0 else (-1, -2)
-    return [index + step for step in inward if 0 <= index + step < count]
 
 
 def _weights(steps: list[float]) -> list[float]:
@@ -245,9 +232,8 @@ def length_jumps(
     velocities = steps / durations[:, None]
     stretch = np.zeros(count, dtype=np.int64) if stretches is None else stretches
     for i in range(count):
-        neighbours = np.array(
-            [j for j in range(i - N_NEIGHBOURS, i + N_NEIGHBOURS + 1) if 0 <= j < count and j != i]
-        )
+        window = np.arange(max(i - N_NEIGHBOURS, 0), min(i + N_NEIGHBOURS + 1, count))
+        neighbours = window[window != i]
         neighbours = neighbours[stretch[neighbours] == stretch[i]]
         if len(neighbours) < FEWEST_STEPS:
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,8 +92,10 @@ def joint_arms(
             rivals = ", ".join(rival for rival in candidates if rival != name) or "others"
             refused[name] = f"the coordinate changes only together with {rivals}"
             continue
-        quartic, residuals = _quartic(curves[frames], motion, candidates, name, frames)
-        q = motion.coordinates[name]
+        q, quartic, residuals = motion.coordinates[name], None, None
+        if not any(motion.coordinates[other].changes for other in candidates if other != name):
+            with suppress(ValueError):  # too few values for a quartic
+                quartic, residuals = quartic_moment_arms(curves[frames], q.natural[frames])
         slopes = slopes_by(motion, name, candidates, curves)[frames]
         of_mean = np.broadcast_to(np.asarray(ratios, dtype=np.float64), len(curves))[frames]
         by_frame = frames, q.values[frames], of_mean, millimetres * lever[frames], slopes
@@ -114,18 +117,6 @@ def slopes_by(motion: RigidMotion, name: str, among: Sequence[str], lengths: Flo
     slopes = np.full(lengths.shape, np.nan)
     slopes[differences.frames] = -differences.slopes(lengths)
     return slopes
-
-
-def _quartic(
-    curves: Floats, motion: RigidMotion, candidates: Sequence[str], name: str, frames: Ints
-) -> tuple[Floats | None, Floats | None]:
-    """Return a quartic's arms (m, k) and residuals (k,). None if several coordinates change."""
-    if any(motion.coordinates[other].changes for other in candidates if other != name):
-        return None, None
-    try:
-        return quartic_moment_arms(curves, motion.coordinates[name].natural[frames])
-    except ValueError:  # too few values for a quartic
-        return None, None
 
 
 def quartic_moment_arms(

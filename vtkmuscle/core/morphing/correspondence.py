@@ -149,13 +149,12 @@ def refined_loop(loop: Floats, count: int) -> Floats:
     """
     lengths = loop_lengths(loop)
     segments = np.diff(lengths)
-    pieces = np.where(segments > SHORTEST * lengths[-1], np.ceil(segments * count / lengths[-1]), 0.0).astype(
-        np.int64
-    )
+    pieces = np.ceil(segments * count / lengths[-1]).astype(np.int64)
+    pieces[segments <= SHORTEST * lengths[-1]] = 0
     segment = np.repeat(np.arange(len(loop)), pieces)
     number = np.arange(len(segment)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     share = (number / pieces[segment])[:, None]
-    return (1.0 - share) * loop[segment] + share * np.roll(loop, -1, axis=0)[segment]
+    return np.asarray((1.0 - share) * loop[segment] + share * np.roll(loop, -1, axis=0)[segment])
 
 
 def cornered_loop(loop: Floats, target: Floats, width: float, depth: float) -> Floats:
@@ -204,12 +203,6 @@ def _nearest(ascending: Floats, values: Floats, first: Ints | int, last: Ints | 
     after = np.searchsorted(ascending, values).clip(first, last)
     before = np.maximum(after - 1, first)
     return np.where(values - ascending[before] <= np.abs(ascending[after] - values), before, after)
-
-
-def subdivided_rectangle(lengths: Floats, splits: Ints, width: float, depth: float) -> Floats:
-    """Return the rectangle's boundary point (n, 2) per chain vertex, in the ratios of the segments."""
-    corners = ((0.0, width, width, 0.0, 0.0), (0.0, 0.0, depth, depth, 0.0))
-    return np.column_stack([np.interp(lengths[:-1], lengths[splits], column) for column in corners])
 
 
 def mean_value_weights(polygon: Floats, points: Floats) -> Floats:
@@ -296,4 +289,7 @@ def section_map(loop: Floats, target: Floats, sides: Floats, *, as_printed: bool
         ring = cornered_loop(refined_loop(loop, N_STARTS), target, width, depth)
     lengths = loop_lengths(ring)
     splits = split_chain(lengths, width, depth)[0]
-    return SectionMap(ring, subdivided_rectangle(lengths, splits, width, depth))
+    # Each vertex on the rectangle's boundary, in the ratios of the segments.
+    corners = ((0.0, width, width, 0.0, 0.0), (0.0, 0.0, depth, depth, 0.0))
+    sides_of = [np.interp(lengths[:-1], lengths[splits], column) for column in corners]
+    return SectionMap(ring, np.column_stack(sides_of))

@@ -13,13 +13,12 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.harmonic import harmonic_extension, triangle_gradients
-from vtkmuscle.core.mesh.normals import perpendiculars, triangle_normals
+from vtkmuscle.core.mesh.normals import perpendiculars, triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.morphing.correspondence import (
     N_STARTS,
     LoopStack,
     cyclic_products,
-    followed_starts,
     sampled_loop,
 )
 from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
@@ -124,17 +123,6 @@ def morph_by_isolines(
     levels, slice_of = shared_levels(fractions, tolerance, GRAIN)
     levels = course.begin + levels * course.span
     heights = course.begin + fractions * course.span
-    maps = _isolines_at(box, course, levels, slicing)
-    points = box.positions(maps.positions(inside, heights, levels, slice_of))
-    for area, ends in zip(
-        course.areas, (fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT), strict=True
-    ):
-        points[ends] = area.tree.nearest(points[ends])[1]
-    return Morph(points, course.share, 0.0)
-
-
-def _isolines_at(box: Box, course: IsolineCourse, levels: Floats, slicing: Slicing) -> SliceMaps:
-    """Return isolines at some distances, matched to the template's rectangle."""
     guides = course.begin + guide_levels(course.span)
     branch = course.branch(box.surface(course.muscle), np.union1d(levels, guides))
 
@@ -145,9 +133,15 @@ def _isolines_at(box: Box, course: IsolineCourse, levels: Floats, slicing: Slici
         return loops._replace(start_costs=_distances_from_rectangle(box.sides, areas)), areas, hits
 
     rings, areas, hits = stack(levels)
-    starts = followed_starts(rings, stack(guides)[0], slicing.continuity * course.length, np.zeros(3))
-    views = np.array([_view_along(area) for area in areas])
-    return slice_maps(rings.loops, starts, hits, box.sides, slicing, views)
+    axes = unit_vectors(areas)
+    axes[~axes.any(axis=1), 2] = 1.0  # along z for a zero area
+    views = np.array([[*perpendiculars(axis), axis] for axis in axes])
+    maps = slice_maps(rings, stack(guides)[0], box, slicing.continuity * course.length, views)
+    mapped = SliceMaps(maps, hits, views).positions(inside, heights, levels, slice_of)
+    points, ends = box.positions(mapped), (fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT)
+    for area, end in zip(course.areas, ends, strict=True):
+        points[end] = area.tree.nearest(points[end])[1]
+    return Morph(points, course.share, 0.0)
 
 
 def isoline_distances(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:
@@ -212,10 +206,3 @@ def _distances_from_rectangle(sides: Floats, areas: Floats) -> FloatMap:
         return np.asarray(weights[:, None] * (squares[:, None] - 2.0 * products))
 
     return costs
-
-
-def _view_along(area: Floats) -> Floats:
-    """Return the frame, in rows, along a vector area (3,). Along z for a zero area."""
-    length = float(np.linalg.norm(area))
-    axis = area / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
-    return np.array([*perpendiculars(axis), axis])

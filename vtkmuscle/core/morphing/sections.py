@@ -115,14 +115,8 @@ def cut_surface(surface: ClosedSurface, values: Floats, levels: Floats) -> Secti
     edges = np.column_stack([np.append(corners[flat], up), np.append(ends[flat], onto)])
     parts = point_components(n_points + 2 * n_loops, edges)
     vertex_parts, below, above = np.split(parts, [n_points, n_points + n_loops])
-    return Sections(
-        points[distinct & (loop_of[order] >= 0)],
-        np.append(0, np.cumsum(sizes[proper])),
-        np.append(0, np.cumsum(per_level)),
-        below,
-        above,
-        vertex_parts,
-    )
+    offsets = np.append(0, np.cumsum(sizes[proper])), np.append(0, np.cumsum(per_level))
+    return Sections(points[distinct & (loop_of[order] >= 0)], *offsets, below, above, vertex_parts)
 
 
 def _onward(half_edges: Ints, steps: int) -> Ints:

@@ -13,6 +13,7 @@ import numpy as np
 
 from vtkmuscle.core.mesh.surface import sorted_into_bins
 from vtkmuscle.core.morphing.correspondence import (
+    LoopStack,
     SectionMap,
     boundary_centroids,
     followed_starts,
@@ -90,10 +91,8 @@ class SliceMaps(NamedTuple):
         weights[shared] -= shares
         points = np.concatenate([np.arange(len(inside)), shared])
         order, starts = sorted_into_bins(np.concatenate([slice_of, adjacent[shared]]), len(levels))
-        positions, flat = (
-            np.zeros((len(inside), self.maps[0].ring.shape[1])),
-            np.ascontiguousarray(inside[:, :2]),
-        )
+        positions = np.zeros((len(inside), self.maps[0].ring.shape[1]))
+        flat = np.ascontiguousarray(inside[:, :2])
         for level, members in enumerate(np.split(order, starts[1:-1])):
             number = int(np.abs(self.hits - level).argmin())
             mapped = self.maps[number].positions(flat[points[members]])
@@ -103,23 +102,19 @@ class SliceMaps(NamedTuple):
 
 
 def slice_maps(
-    loops: Sequence[Floats],
-    starts: Floats,
-    hits: Ints,
-    sides: Floats,
-    slicing: Slicing,
-    views: Floats | None = None,
-) -> SliceMaps:
-    """Return the maps to sections with boundaries `loops` (j, k), counterclockwise about z [mm].
+    stack: LoopStack, guides: LoopStack, box: Box, continuity: float, views: Floats | None = None
+) -> Sequence[SectionMap]:
+    """Return the maps to sections, with loops counterclockwise about z [mm].
 
-    Starts (l, k) of the loops; sides (2,) or longer of the rectangle; hits and views of :class:`SliceMaps`.
+    Guiding loops and continuity as of :func:`followed_starts`; views of :class:`SliceMaps`.
     """
+    loops = stack.loops
+    starts = followed_starts(stack, guides, continuity, np.zeros(2 if views is None else 3))
     if views is not None:
         loops = [loop @ view.T for loop, view in zip(loops, views, strict=True)]
         starts = np.einsum("lij,lj->li", views, starts)
-    printed, pairs = slicing.continuity == 0.0, zip(loops, starts, strict=True)
-    maps = [section_map(loop, start, sides, as_printed=printed) for loop, start in pairs]
-    return SliceMaps(maps, hits, views)
+    pairs = zip(loops, starts, strict=True)
+    return [section_map(loop, start, box.sides, as_printed=continuity == 0.0) for loop, start in pairs]
 
 
 class Box:
@@ -131,13 +126,9 @@ class Box:
 
     def __init__(self, transform: Floats) -> None:
         self.sides: Floats = np.linalg.norm(transform[:3, :3], axis=0)
+        self.length = float(self.sides[2])
         self._frame: Floats = transform[:3, :3] / self.sides
         self._corner: Floats = transform[:3, 3]
-
-    @property
-    def length(self) -> float:
-        """Length along z [mm]."""
-        return float(self.sides[2])
 
     def coordinates(self, points: Floats) -> Floats:
         """Return points (n, 3) along the sides [mm]. From corner Q0."""
@@ -216,8 +207,7 @@ def morph_by_planes(
         branch = course.branch(np.union1d(levels, course.guides))
     slices, hits = branch.stack(levels, 2)
     guides = branch.stack(course.guides, 2)[0]
-    starts = followed_starts(slices, guides, slicing.continuity * box.length, np.zeros(2))
-    maps = slice_maps(slices.loops, starts, hits, box.sides, slicing)
+    maps = SliceMaps(slice_maps(slices, guides, box, slicing.continuity * box.length), hits, None)
     across = maps.positions(inside, heights, levels, slice_of)
     return Morph(box.positions(np.column_stack([across, heights])), volume_share, steep_share)
 

@@ -159,10 +159,8 @@ class RigidMotion:
             return {bone: table[upper] for bone, table in self.transforms.items()}
         ends = slice(upper - 1, upper + 1)
         fraction = (time - self.times[upper - 1]) / (self.times[upper] - self.times[upper - 1])
-        return {
-            bone: self._between(table[ends], fraction, self.centre_of(bone))
-            for bone, table in self.transforms.items()
-        }
+        tables = self.transforms.items()
+        return {bone: _between(table[ends], fraction, self.centre_of(bone)) for bone, table in tables}
 
     def centre_of(self, bone: str) -> Floats:
         """Return the joint centre (3,) of a bone at rest."""
@@ -179,16 +177,6 @@ class RigidMotion:
     def by(self, names: Sequence[str]) -> RigidMotion:
         """Return the motion with only the named coordinates."""
         return replace(self, coordinates={name: self.coordinates[name] for name in names})
-
-    @staticmethod
-    def _between(pair: Floats, fraction: float, centre: Floats) -> Floats:
-        result = np.eye(4)
-        rotations = Rotation.from_matrix(pair[:, :3, :3].copy())  # SciPy < 1.17 wants to write
-        result[:3, :3] = Slerp([0.0, 1.0], rotations)(fraction).as_matrix()
-        ends = pair[:, :3, :3] @ centre + pair[:, :3, 3]
-        moved_centre = (1.0 - fraction) * ends[0] + fraction * ends[1]
-        result[:3, 3] = moved_centre - result[:3, :3] @ centre
-        return result
 
 
 def hinge(
@@ -240,6 +228,15 @@ def hinge(
     angle = Coordinate(times, "deg", f"right-handed about ({written})", {bone: twists})
     name = coordinate or f"{bone}_angle"
     return RigidMotion(times, {bone: table}, np.asarray(centre, dtype=np.float64), {name: angle})
+
+
+def _between(pair: Floats, fraction: float, centre: Floats) -> Floats:
+    result = np.eye(4)
+    rotations = Rotation.from_matrix(pair[:, :3, :3].copy())  # SciPy < 1.17 wants to write
+    result[:3, :3] = Slerp([0.0, 1.0], rotations)(fraction).as_matrix()
+    ends = pair[:, :3, :3] @ centre + pair[:, :3, 3]
+    result[:3, 3] = (1.0 - fraction) * ends[0] + fraction * ends[1] - result[:3, :3] @ centre
+    return result
 
 
 def _centre(values: ArrayLike) -> Floats:

@@ -14,11 +14,11 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.jit import vector_kernel
 from vtkmuscle.core.mesh.harmonic import cotangent_laplacian
-from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import nearest_rotations
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.pbd.solver import PBDSolver, Progress, State
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.pbd.solver import Near, PBDSolver, State
+from vtkmuscle.core.skinning.skinning import falling_weights
+from vtkmuscle.core.types import Floats, Ints, Progress, quiet
 
 #: Coarse points that take a fine point along. With eight, an iliacus solved with an iteration has 16 folded
 #: edges, and an adductor brevis one of eight times its length; with sixteen 8, and 4 times.
@@ -51,14 +51,9 @@ class TwoLevels:
     doi:10.1145/1073204.1073216). Fixed points then go to their bones and take their neighbourhood along. From
     the resulting positions the fine surface is solved, with the edges as long as carried.
 
-    Parameters
-    ----------
-    solver : PBDSolver
-        Of the coarse surface.
-    fine : PBDSolver
-        Of the fine surface, with :data:`FINE_ITERATIONS`.
-    fixed_to : (n,) int array
-        Bone that each point of the fine surface is fixed to, -1 for free points.
+    solver : PBDSolver, of the coarse surface;
+    fine : PBDSolver, of the fine surface, with :data:`FINE_ITERATIONS`;
+    fixed_to : (n,) int, bone that each point of the fine surface is fixed to, -1 for free points.
     """
 
     def __init__(self, solver: PBDSolver, fine: PBDSolver, fixed_to: Ints) -> None:
@@ -68,10 +63,7 @@ class TwoLevels:
         rest, coarse, topology = fine.shape.points, solver.shape.points, solver.shape.topology
         self._coarse = coarse
         apart, carriers = cKDTree(coarse).query(rest, k=range(1, min(CARRIERS, len(coarse)) + 1))
-        # Gaussian, and 0 at the last, so that nothing jumps where another comes to be the last.
-        falls = np.exp(-0.5 * (2.0 * apart / np.maximum(apart[:, -1:], np.finfo(float).tiny)) ** 2)
-        falls -= falls[:, -1:] * (1.0 - 1e-9)
-        self._carriers, self._parts = carriers, falls / falls.sum(axis=1, keepdims=True)
+        self._carriers, self._parts = carriers, falling_weights(apart, np.finfo(float).tiny)
         ring = csr_array(abs(cotangent_laplacian(coarse, topology.triangles)) > 0.0)
         rings = csr_array((ring @ ring).astype(np.bool_))
         sizes, near = np.diff(rings.indptr), coarse[rings.indices]
@@ -94,12 +86,7 @@ class TwoLevels:
         return replace(self._solver.at_rest(n_bones), surface=self.shape.points)
 
     def step(
-        self,
-        state: State,
-        transforms: Floats,
-        *,
-        neighbours: Sequence[tuple[Neighbour, Neighbour]] = (),
-        progress: Progress = lambda _: None,
+        self, state: State, transforms: Floats, neighbours: Sequence[Near] = (), progress: Progress = quiet
     ) -> State:
         """Return the state after the bones have moved on.
 

@@ -21,15 +21,13 @@ from vtkmuscle.core.bones.contact import BoneContact
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
-from vtkmuscle.core.mesh.rest_shape import RestShape
+from vtkmuscle.core.mesh.rest_shape import RestShape, Volume, project_volume
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import blend_motions, screws_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverses
-from vtkmuscle.core.pbd.anisotropy import edge_stiffness, fibre_directions_at, harmonic_directions
-from vtkmuscle.core.pbd.sweep import WIDTH, edge_rows, project_edges, project_volume, take_lengths
+from vtkmuscle.core.pbd import sweep
 from vtkmuscle.core.pbd.voxels import VoxelContact
-from vtkmuscle.core.skinning.settling import Volume
-from vtkmuscle.core.types import Bools, Floats
+from vtkmuscle.core.types import Bools, Floats, Progress, quiet
 
 #: Two bones of a muscle turn against each other by at most this in a step without velocities [degrees];
 #: larger steps are parted. An iliacus of 3 000 triangles has 18 folded edges after steps of 10 degrees with
@@ -38,8 +36,8 @@ LARGEST_TURN = 4.0
 
 #: Moves positions out of obstacles, and returns the moved points.
 KeepOut = Callable[[Floats], Bools]
-#: Takes the finished part of a step.
-Progress = Callable[[float], None]
+#: Neighbouring muscles now.
+Near = Sequence[Neighbour]
 
 
 @dataclass(frozen=True)
@@ -107,9 +105,9 @@ class Parameters:
 PUBLISHED = MappingProxyType(
     {
         "prediction": "velocity",
-        "signed_angles": False,
         "order": "kind",
         "anisotropy": "fibres",
+        "signed_angles": False,
         "finish": False,
     }
 )
@@ -119,18 +117,11 @@ PUBLISHED = MappingProxyType(
 class State:
     """A muscle at one time.
 
-    Attributes
-    ----------
-    surface : (n, 3) array
-        The muscle's points [mm].
-    transforms : (b, 4, 4) array
-        Of the bones, rest to now.
-    colliding : int
-        Number of points that bones or other muscles hold off.
-    positions : (m, 3) array
-        The solved points, relative to the centre of the muscle at rest [mm].
-    velocities : (m, 3) array or None
-        Of the solved points [mm / s]; None for points without velocities.
+    surface : (n, 3), the muscle's points [mm];
+    transforms : (b, 4, 4), of the bones, rest to now;
+    colliding : int, number of points that bones or other muscles hold off;
+    positions : (m, 3), the solved points, relative to the centre of the muscle at rest [mm];
+    velocities : (m, 3) or None, of the solved points [mm / s]; None for points without velocities.
     """
 
     surface: Floats
@@ -152,31 +143,17 @@ class PBDSolver:
     The method is position based dynamics. The solver holds the constant data. :meth:`step` takes a state and
     gives the next, so that states can be kept and gone back to.
 
-    Parameters
-    ----------
-    muscle : FixedMuscle
-        The muscle.
-    parameters : Parameters
-        Settings of the method.
-    bones : mapping of int to Bone, optional
-        Bones that free points are kept out of, by index among the transforms.
-    clearance : float, optional
-        Distance that points keep from the bones [mm].
-    voxels : (int, int or None), optional
-        Number of voxels of a bone, and number along each axis. With a value, voxels keep points out of bones
-        in place of the surface.
+    muscle : FixedMuscle, the muscle;
+    parameters : Parameters, settings of the method;
+    bones : mapping of int to Bone, bones that free points are kept out of, by index among the transforms;
+    clearance : float, distance that points keep from the bones [mm];
+    voxels : (int, int or None), number of voxels of a bone, and number along each axis. With a value, voxels
+        keep points out of bones in place of the surface.
 
-    Attributes
-    ----------
-    shape : RestShape
-        The surface at rest.
-    rest : (n, 3) array
-        The surface's points, relative to the centre of the points' box [mm].
+    shape : RestShape, the surface at rest;
+    rest : (n, 3), the surface's points, relative to the centre of the points' box [mm].
 
-    Raises
-    ------
-    ValueError
-        If the surface is open or encloses no volume, or if no fibre has a length.
+    Raises a ValueError if the surface is open or encloses no volume, or if no fibre has a length.
     """
 
     def __init__(
@@ -191,9 +168,9 @@ class PBDSolver:
         points, fixed_to, topology = muscle.points, muscle.fixed_to, muscle.topology()
         directions = None
         if muscle.fibres is not None:
-            directions = fibre_directions_at(points[topology.edges].mean(axis=1), *muscle.fibres)
+            directions = sweep.fibre_directions_at(points[topology.edges].mean(axis=1), *muscle.fibres)
         elif parameters.anisotropy == "always":
-            directions = harmonic_directions(points, topology, fixed_to)
+            directions = sweep.harmonic_directions(points, topology, fixed_to)
         self.shape = shape = RestShape(points, topology)
         self.centre: Floats = (points.min(axis=0) + points.max(axis=0)) / 2.0
         self.rest: Floats = points - self.centre
@@ -209,7 +186,7 @@ class PBDSolver:
         edges = topology.edges
         stiffness = np.full(len(edges), parameters.stiffness)
         if directions is not None and parameters.anisotropy != "off":
-            stiffness *= edge_stiffness(points, edges, directions)
+            stiffness *= sweep.edge_stiffness(points, edges, directions)
         # Quadruples are in the order of the edges; those of more than two triangles have none.
         quads = np.column_stack([edges, np.full_like(edges, -1)])
         ends = np.sort(topology.quads[:, :2], axis=1)
@@ -220,10 +197,12 @@ class PBDSolver:
         angle_stiffness[with_angle] = np.where(shape.angle_defined, parameters.shape_stiffness, 0.0)
         lengths = shape.lengths, stiffness
         #: The edges in the order in which they are solved.
-        self.rows = edge_rows(quads, self._mass, *lengths, angles, angle_stiffness)
-        self._volume = topology.triangles, shape.volume, parameters.volume_stiffness, np.empty_like(self.rest)
+        self.rows = sweep.edge_rows(quads, self._mass, *lengths, angles, angle_stiffness)
+        # Eq. 1 divides by the gradients of all points.
+        volume = topology.triangles, shape.volume, parameters.volume_stiffness, 0.0
+        self._volume = self._mass, np.ones(len(points)), *volume, np.empty_like(self.rest)
         self._exact = Volume(shape, free)
-        self._buffer = np.empty(12 * WIDTH)
+        self._buffer = np.empty(12 * sweep.WIDTH)
         self._as_carried: Floats | None = None  # constants of the edges, with their lengths in a pose
 
     def at_rest(self, n_bones: int) -> State:
@@ -233,18 +212,12 @@ class PBDSolver:
         return State(self.rest + self.centre, transforms, 0, self.rest, velocities)
 
     def step(
-        self,
-        state: State,
-        transforms: Floats,
-        *,
-        neighbours: Sequence[Neighbour] = (),
-        progress: Progress = lambda _: None,
+        self, state: State, transforms: Floats, neighbours: Near = (), progress: Progress = quiet
     ) -> State:
         """Return the state after the bones have moved on.
 
         Transforms (b, 4, 4) lead from rest to now. Free points are kept out of the neighbours, too.
-        ``progress`` is called after each iteration with the finished part of the step; ``progress`` may
-        raise, to stop. A ValueError reports an overflowing position.
+        ``progress`` is called after each iteration. A ValueError reports an overflowing position.
         """
         transforms = np.array(transforms, dtype=np.float64)
         if state.velocities is not None:
@@ -266,12 +239,7 @@ class PBDSolver:
         return self._state(x, transforms, held)
 
     def pose(
-        self,
-        start: Floats,
-        transforms: Floats,
-        *,
-        neighbours: Sequence[Neighbour] = (),
-        progress: Progress = lambda _: None,
+        self, start: Floats, transforms: Floats, neighbours: Near = (), progress: Progress = quiet
     ) -> State:
         """Return the state in a pose, begun at a surface.
 
@@ -282,7 +250,7 @@ class PBDSolver:
         p = self._with_fixed_points(start - self.centre, transforms)
         if self._as_carried is None:
             self._as_carried = self.rows.constants.copy()
-        take_lengths(p, self.rows.points, self._as_carried)
+        sweep.take_lengths(p, self.rows.points, self._as_carried)
         keep_out = self._keep_out(transforms, transforms, p[:-1].copy(), neighbours)
         held = self._iterate(p, self._as_carried, keep_out, progress)
         if self.parameters.finish:
@@ -290,7 +258,7 @@ class PBDSolver:
         return self._state(p[:-1], transforms, held)
 
     def _with_velocities(
-        self, state: State, transforms: Floats, neighbours: Sequence[Neighbour], progress: Progress
+        self, state: State, transforms: Floats, neighbours: Near, progress: Progress
     ) -> State:
         """Do Algorithm 2, lines 6 to 37."""
         settings, x, v, dt = self.parameters, state.positions, state.velocities, self.parameters.dt
@@ -313,13 +281,11 @@ class PBDSolver:
         settings, met = self.parameters, np.zeros(len(p) - 1, dtype=np.bool_)
         rows, signed, buffer = (self.rows.points, constants), settings.signed_angles, self._buffer
         for iteration in range(settings.iterations):
-            if settings.order == "edge":
-                project_edges(p, *rows, True, True, signed, buffer)
-                project_volume(p, self._mass, *self._volume)
-            else:
-                project_edges(p, *rows, True, False, signed, buffer)
-                project_volume(p, self._mass, *self._volume)
-                project_edges(p, *rows, False, True, signed, buffer)
+            by_edge = settings.order == "edge"
+            sweep.project_edges(p, *rows, True, by_edge, signed, buffer)
+            project_volume(p[:-1], *self._volume)
+            if not by_edge:
+                sweep.project_edges(p, *rows, False, True, signed, buffer)
             met |= keep_out(p[:-1])
             progress((iteration + 1) / settings.iterations)
         return met
@@ -350,7 +316,7 @@ class PBDSolver:
             p[fixed] = apply_transform(now[bone], self.rest[fixed])
         return p
 
-    def _keep_out(self, now: Floats, before: Floats, x: Floats, neighbours: Sequence[Neighbour]) -> KeepOut:
+    def _keep_out(self, now: Floats, before: Floats, x: Floats, neighbours: Near) -> KeepOut:
         """Return the contact with bones and neighbours in a step."""
         if isinstance(self._contact, VoxelContact):
             return self._contact.at(now, neighbours, self.centre, before, x)

@@ -1,4 +1,4 @@
-"""The constraints of Kohout and Cervenka 2021, eq. 1 to 7.
+"""The constraints of Kohout and Cervenka 2021, eq. 1 to 7 and 9.
 
 doi:10.1007/978-3-030-72379-8_24. The constraints are projected row by row of edges. A projection moves points
 p against a constraint C(p) = 0 of stiffness k by
@@ -32,10 +32,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel, lane, vector_kernel
-from vtkmuscle.core.mesh.rest_shape import edge_geometry, volume_and_gradient
+from vtkmuscle.core.mesh.harmonic import harmonic_field, triangle_gradients
+from vtkmuscle.core.mesh.normals import unit_vectors
+from vtkmuscle.core.mesh.polylines import proper_segments, segment_distances
+from vtkmuscle.core.mesh.rest_shape import edge_geometry
+from vtkmuscle.core.mesh.surface import MeshTopology
+from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Edges of a row: two vectors of eight numbers, or four of four.
@@ -46,25 +52,17 @@ WIDTH = 16
 N_CONSTANTS, LENGTH = 9, 5
 
 #: Coefficients of atan(x) / x in x^2, from the greatest power on, for x from 0 to 1; its error is 2e-15.
-_A: tuple[float, ...] = tuple(
-    np.polynomial.Chebyshev.interpolate(lambda u: np.arctan(np.sqrt(u)) / np.sqrt(u), 18, domain=[0.0, 1.0])
-    .convert(kind=np.polynomial.Polynomial)
-    .coef[::-1]
-    .tolist()
-)
+_ATAN = Chebyshev.interpolate(lambda u: np.arctan(np.sqrt(u)) / np.sqrt(u), 18, domain=[0.0, 1.0])
+_A: tuple[float, ...] = tuple(_ATAN.convert(kind=Polynomial).coef[::-1].tolist())
 
 
 class EdgeRows(NamedTuple):
     """The edges of a surface in solving order.
 
-    Attributes
-    ----------
-    points : (r, 4, WIDTH) uint32 array
-        Ends of each edge and third points of its triangles; n, an extra point, for a missing point.
-    constants : (r, N_CONSTANTS, WIDTH) array
-        Of each edge.
-    order : (k,) int array
-        Numbers of the edges in this order.
+    points : (r, 4, WIDTH) uint32, ends of each edge and third points of its triangles; n, an extra point, for
+        a missing point;
+    constants : (r, N_CONSTANTS, WIDTH), of each edge;
+    order : (k,) int, numbers of the edges in this order.
     """
 
     points: NDArray[np.uint32]
@@ -77,16 +75,11 @@ def edge_rows(
 ) -> EdgeRows:
     """Return the edges of a surface of n points in rows.
 
-    Parameters
-    ----------
-    quads : (k, 4) int array
-        Ends of each edge and third points of its two triangles, -1 for a missing point.
-    mass : (n,) array
-        1 for moveable points, 0 for fixed points; edges of fixed points are left out.
-    lengths, stiffness : (k,) arrays
-        Rest length [mm], and stiffness per iteration.
-    angles, angle_stiffness : (k,) arrays
-        Rest angle [radians], and stiffness per iteration, 0 for an edge without an angle.
+    quads : (k, 4) int, ends of each edge and third points of its two triangles, -1 for a missing point;
+    mass : (n,), 1 for moveable points, 0 for fixed points; edges of fixed points are left out;
+    lengths, stiffness : (k,), rest length [mm], and stiffness per iteration;
+    angles, angle_stiffness : (k,), rest angle [radians], and stiffness per iteration, 0 for an edge without
+        an angle.
     """
     n = len(mass)
     masses = np.append(mass, 0.0)[np.where(quads < 0, n, quads)]
@@ -155,14 +148,9 @@ def take_lengths(p: Floats, points: NDArray[np.uint32], constants: Floats) -> No
 
 @vector_kernel
 def project_edges(
-    p: Floats,
-    points: NDArray[np.uint32],
-    constants: Floats,
-    with_lengths: bool,
-    with_angles: bool,
-    signed: bool,
-    buffer: Floats,
-) -> None:
+    p: Floats, points: NDArray[np.uint32], constants: Floats, with_lengths: bool, with_angles: bool,
+    signed: bool, buffer: Floats,
+) -> None:  # fmt: skip
     """Project the lengths and angles of all edges.
 
     Each edge's length (eq. 2, 3) comes before the edge's angle (eq. 6, 7), row by row, in place.
@@ -274,23 +262,54 @@ def turn_from(sine: float, cosine: float, square: float, cosine0: float, sine0: 
     return turn if along >= 0.0 else beyond
 
 
-@vector_kernel
-def project_volume(
-    p: Floats, w: Floats, triangles: Ints, rest: float, stiffness: float, gradient: Floats
-) -> None:
-    """Project the volume constraint, eq. 4 and 5, in place.
+#: Difference within which segments with a common end count as equally near, as a part of the longest.
+EQUALLY_NEAR = 5e-8
 
-    p : (n + 1, 3) positions [mm], the last a finite placeholder for missing points;  w : (n,) 1 for moveable
-    points, 0 for fixed points;  triangles : (m, 3) of a closed surface;  rest : the surface's volume at rest
-    [mm^3]; gradient : (n, 3), memory.
+
+def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
+    """Return k = 1 - abs(u . v) for each edge.
+
+    The unit vectors u are along the edges (k, 2), and k (k,) is 1 across the fibres and 0 along the fibres.
+    Kohout and Cervenka 2021, eq. 9, reads k = 1 - u . v. An edge has no sign, so that eq. 9 gives 0 or 2 by
+    the order of the edge's ends; "if both vectors are collinear, the result will be zero" calls for the
+    absolute value. The directions v (k, 3) of the fibres are unit vectors, 0 at edges without a direction.
     """
-    volume = volume_and_gradient(p[: len(w)], triangles, gradient)
-    squares = 0.0
-    for i in range(len(w)):
-        for axis in range(3):
-            squares += gradient[i, axis] * gradient[i, axis]
-    if squares > 0.0:
-        s = stiffness * (volume - rest) / squares
-        for i in range(len(w)):
-            for axis in range(3):
-                p[i, axis] -= s * w[i] * gradient[i, axis]
+    difference = points[edges[:, 1]] - points[edges[:, 0]]
+    lengths = np.linalg.norm(difference, axis=1)
+    along = np.abs(np.einsum("ij,ij->i", difference, directions))
+    cosines = np.divide(along, lengths, out=np.zeros(len(edges)), where=lengths > 0)
+    stiffness: Floats = 1.0 - np.clip(cosines, 0.0, 1.0)
+    return stiffness
+
+
+def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) -> Floats:
+    """Return directions of the nearest fibre segments. Unit vectors (q, 3) at positions (q, 3)."""
+    a, b, lengths = proper_segments(fibre_points, offsets)
+    ends = np.stack([a, b], axis=1).reshape(-1, 3)
+    triangles = 2 * np.arange(len(a))[:, None] + np.array(
+        [0, 1, 1]
+    )  # each segment as a triangle without area
+    nearest, _, distances = triangle_tree(ends, triangles).nearest(queries)
+    _, first, point = np.unique(ends, axis=0, return_index=True, return_inverse=True)
+    first, limit = first[point.reshape(-1, 2)] // 2, distances + EQUALLY_NEAR * lengths.max()
+    for end in (0, 1):  # of equally near segments with a common end the first counts
+        other = first[nearest, end]
+        equal = segment_distances(queries, a[other], b[other]) <= limit
+        nearest = np.where(equal, other, nearest)
+    return (b[nearest] - a[nearest]) / lengths[nearest, None]
+
+
+def harmonic_directions(points: Floats, topology: MeshTopology, fixed_to: Ints) -> Floats | None:
+    """Return the unit direction along a muscle at each edge.
+
+    The directions (k, 3) lead from one end of a muscle without fibres to the other end. A direction is the
+    mean of the unit gradients, in the edge's two triangles, of
+    :func:`~vtkmuscle.core.mesh.harmonic.harmonic_field`; 0 where the field is constant (inside an
+    attachment). None where fewer than two bones have fixed points.
+    """
+    field = harmonic_field(points, topology.triangles, fixed_to)
+    if field is None:
+        return None
+    gradients = unit_vectors(triangle_gradients(points, topology.triangles, field))
+    gradients = np.vstack([gradients, np.zeros(3)])  # row -1: no triangle
+    return unit_vectors(gradients[topology.edge_triangles].sum(axis=1))

@@ -182,17 +182,11 @@ def _flood_outside(cells: Cells) -> None:
 class VoxelContact:
     """Keeps a muscle's free points out of bone voxels.
 
-    Parameters
-    ----------
-    bones : mapping of int to Bone
-        Bones by index among the transforms; the voxels of a bone are made when a muscle first meets the
-        bone's box.
-    free : (n,) bool array
-        Points that may be moved.
-    n_max, n_equal
-        As of :func:`build_voxel_grid`.
-    bone_push : bool
-        Whether a bone takes along the points that the bone moved over.
+    bones : mapping of int to Bone, bones by index among the transforms; the voxels of a bone are made when a
+        muscle first meets the bone's box;
+    free : (n,) bool, points that may be moved;
+    n_max, n_equal, as of :func:`build_voxel_grid`;
+    bone_push : bool, whether a bone takes along the points that the bone moved over.
     """
 
     def __init__(
@@ -229,10 +223,8 @@ class VoxelContact:
         corners = self._boxes.moved(now, centre)
         about = np.eye(4)
         about[:3, 3] = -centre
-        moves = [
-            (about @ now[bone], about @ now[bone] @ inverse(before[bone]) @ inverse(about))
-            for bone in self._boxes.indices
-        ]
+        poses = {bone: about @ now[bone] for bone in self._boxes.indices}
+        moves = [(pose, pose @ inverse(before[bone]) @ inverse(about)) for bone, pose in poses.items()]
 
         def keep_out(p: Floats) -> Bools:
             moved = np.zeros(len(p), dtype=np.bool_)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import vector_kernel
 from vtkmuscle.core.mesh.harmonic import cotangent_laplacian
+from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Without a sign: a negative index would count from the end, which each look-up would have to ask.
@@ -26,11 +27,9 @@ class Diffusion:
     (:func:`~vtkmuscle.core.mesh.harmonic.cotangent_laplacian`). A field that is linear over a flat part of
     the mesh stays unchanged, however irregular the triangles are.
 
-    Attributes
-    ----------
-    time_unit : float
-        Unit of the times of :meth:`spread`: the median over the points of a point's area over the sum of the
-        point's weights, a quarter of a squared edge length where triangles are equilateral [mm^2].
+    time_unit : float, unit of the times of :meth:`spread`: the median over the points of a point's area over
+        the sum of the point's weights, a quarter of a squared edge length where triangles are equilateral
+        [mm^2].
     """
 
     def __init__(self, points: Floats, triangles: Ints) -> None:
@@ -44,9 +43,7 @@ class Diffusion:
         self._rows = np.repeat(np.arange(len(points)), np.diff(self._begins))
         self._weights: Floats = -laplacian.data / total[self._rows]
         self._totals: Floats = np.bincount(self._rows, self._weights, len(points)).astype(np.float64)
-        corners = points[triangles]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        thirds = np.repeat(np.linalg.norm(normals, axis=1) / 6.0, 3)
+        thirds = np.repeat(np.linalg.norm(triangle_normals(points, triangles), axis=1) / 6.0, 3)
         areas = np.bincount(triangles.reshape(-1), thirds, len(points))
         self.time_unit = float(np.median((areas / total)[degrees > 0.0]))
         self._memory = np.empty((3, len(points), 3))
@@ -88,19 +85,9 @@ class Diffusion:
 
 @vector_kernel
 def _relax(
-    v: Floats,
-    one: Floats,
-    other: Floats,
-    a: float,
-    b: float,
-    step: float,
-    begins: _Numbers,
-    neighbours: _Numbers,
-    weights: Floats,
-    totals: Floats,
-    inside: Bools,
-    result: Floats,
-) -> None:
+    v: Floats, one: Floats, other: Floats, a: float, b: float, step: float, begins: _Numbers,
+    neighbours: _Numbers, weights: Floats, totals: Floats, inside: Bools, result: Floats,
+) -> None:  # fmt: skip
     """Write a stage of the diffusion inside, v elsewhere.
 
     The stage is a ``one`` + b ``other`` + step (weighted sum of v's neighbours - total weight v).

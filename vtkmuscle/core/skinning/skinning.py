@@ -28,6 +28,9 @@ CARRIERS, LOOKED_AT = 8, 64
 #: so many behind: a binomial, as wide as a cubic B-spline.
 BESIDE, WINDOW = 12, (1.0, 4.0, 6.0, 4.0, 1.0)
 
+#: Weights of a cubic B-spline's four nodes (columns), by powers of the place between the middle two (rows).
+CUBIC = np.array([(1, 4, 1, 0), (-3, 0, 3, 0), (3, -6, 3, 0), (-1, 3, -3, 1)]) / 6.0
+
 #: How much of a turn comes from the bones: it decides where paths do not, as all of them are on a line.
 FROM_BONES = 0.02
 
@@ -40,14 +43,9 @@ class SkinningWeights(NamedTuple):
 
     Points of paths carry p points along.
 
-    Attributes
-    ----------
-    points : (p, 3) array
-        At rest [mm].
-    carriers : (p, c) int array
-        Numbers of points of paths, in the order of paths.
-    weights : (p, c) array
-        Rows sum to 1.
+    points : (p, 3), at rest [mm];
+    carriers : (p, c) int, numbers of points of paths, in the order of paths;
+    weights : (p, c), rows sum to 1.
     """
 
     points: Floats
@@ -66,18 +64,11 @@ class Skinning:
     surface is as smooth as the paths, however few points the paths have. Near the fixed points the surface
     goes with the bone. At rest nothing moves.
 
-    Parameters
-    ----------
-    paths : (f, n, 3) array
-        Paths at rest, evenly spread points [mm].
-    ends : (2, f) int array
-        Bones of the first and the last point of each path.
-    surface : (v, 3) array
-        The muscle at rest [mm].
-    fixed_to : (v,) int array
-        Bone that each point is fixed to, -1 for free points.
-    thickness : float
-        Mean thickness of the muscle [mm].
+    paths : (f, n, 3), paths at rest, evenly spread points [mm];
+    ends : (2, f) int, bones of the first and the last point of each path;
+    surface : (v, 3), the muscle at rest [mm];
+    fixed_to : (v,) int, bone that each point is fixed to, -1 for free points;
+    thickness : float, mean thickness of the muscle [mm].
     """
 
     def __init__(
@@ -128,16 +119,7 @@ class Skinning:
         seen = apart if tree.n <= LOOKED_AT else np.minimum(apart, away[:, -1:])
         parts = falling_weights(seen, least)
         low = np.clip(at.astype(np.int64), 0, n - 2)
-        t = (at - low)[:, :, None]
-        spline = np.concatenate(
-            [
-                (1.0 - t) ** 3 / 6.0,
-                (3.0 * t**3 - 6.0 * t**2 + 4.0) / 6.0,
-                (-3.0 * t**3 + 3.0 * t**2 + 3.0 * t + 1.0) / 6.0,
-                t**3 / 6.0,
-            ],
-            axis=2,
-        )
+        spline = (at - low)[:, :, None] ** np.arange(4) @ CUBIC
         nodes = np.clip(low[:, :, None] + np.arange(-1, 3), 0, n - 1) + n * paths[:, :, None]
         weights = (parts[:, :, None] * spline).reshape(len(points), -1)
         used = weights.any(axis=0)  # the last of the paths has no part
@@ -198,14 +180,9 @@ class Skinning:
 class SkinnedMuscle(NamedTuple):
     """A muscle taken along by paths in a pose.
 
-    Attributes
-    ----------
-    rest, nodes : (f n, 3) arrays
-        Points of the paths at rest and now [mm].
-    frames : (f n, 3, 3) array
-        Turn and stretch of the muscle about each point.
-    surface : (v, 3) array
-        Points of the muscle's surface [mm].
+    rest, nodes : (f n, 3), points of the paths at rest and now [mm];
+    frames : (f n, 3, 3), turn and stretch of the muscle about each point;
+    surface : (v, 3), points of the muscle's surface [mm].
     """
 
     rest: Floats
@@ -227,20 +204,13 @@ def falling_weights(distances: Floats, least: float) -> Floats:
     as equal.
     """
     width = np.maximum(distances[:, -1:] / 2.0, least)
-    values = less_the_last(np.exp(-0.5 * (distances / width) ** 2))
+    values = np.exp(-0.5 * (distances / width) ** 2)
+    # Rounding decides the last of several neighbours at an equal distance: with a weight of 0 the choice does
+    # not matter. Rows of equal weights stay unchanged.
+    less = values - values[:, -1:]
+    values = np.where(less[:, :1] > SAME, less, values)
     weights: Floats = values / values.sum(axis=1, keepdims=True)
     return weights
-
-
-def less_the_last(weights: Floats) -> Floats:
-    """Return weights less the last of their row.
-
-    Weights (m, k) are descending: the farthest neighbour gets 0. Rounding decides the last of several
-    neighbours at an equal distance; with a weight of 0 the choice does not matter. Rows of equal weights stay
-    unchanged.
-    """
-    less: Floats = weights - weights[:, -1:]
-    return np.where(less[:, :1] > SAME, less, weights)
 
 
 def _places_beside(points: Floats, paths: Floats, near: Ints, count: int) -> tuple[Ints, Floats, Floats]:
@@ -285,14 +255,9 @@ def _place_beside(points: Floats, path: Floats) -> tuple[Floats, Floats]:
 
 @kernel
 def _skin(
-    rest: Floats,
-    nodes: Floats,
-    frames: Floats,
-    carriers: Ints,
-    weights: Floats,
-    points: Floats,
+    rest: Floats, nodes: Floats, frames: Floats, carriers: Ints, weights: Floats, points: Floats,
     moved: Floats,
-) -> None:
+) -> None:  # fmt: skip
     """Write points moved by their carriers.
 
     Each moved point is the weighted mean of the places to which the point's carriers take the point.

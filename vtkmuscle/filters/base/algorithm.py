@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from typing import Any, ClassVar
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, TypeVar
 
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSet
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkDemandDrivenPipeline, vtkExecutive
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.shared import same_content
 from vtkmuscle.data.arrays import state_of
 from vtkmuscle.data.pipeline_times import announce_times, provenance_array, requested_time, times_of
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.base.running import show_error
+
+T = TypeVar("T")
 
 
 class AbortedError(Exception):
@@ -39,6 +42,8 @@ class Algorithm(VTKPythonAlgorithmBase):
         self._progress_reached = 0.0
         #: By port: data, state of the data, and the argument of ``execute``.
         self._arguments: dict[int, tuple[Any, Any, Any]] = {}
+        #: By name: the values from which a result was made, and the result.
+        self._kept: dict[str, tuple[Any, Any]] = {}
         super().__init__(nInputPorts=len(self.input_ports), nOutputPorts=len(self.output_ports))
         self.GetExecutive().AddObserver("ErrorEvent", show_error)
 
@@ -63,6 +68,14 @@ class Algorithm(VTKPythonAlgorithmBase):
     def parameters(self) -> dict[str, Any]:
         """Return the parameters by name."""
         raise NotImplementedError
+
+    def once(self, name: str, values: tuple[Any, ...], make: Callable[..., T]) -> T:
+        """Return ``make(*values)``, kept while the values have the same content."""
+        if (kept := self._kept.pop(name, None)) is None or not same_content(kept[0], values):
+            kept = values, make(*values)
+        self._kept[name] = kept
+        result: T = kept[1]
+        return result
 
     # ---------------------------------------------------------------- progress, and what went wrong
 
@@ -159,13 +172,12 @@ class Algorithm(VTKPythonAlgorithmBase):
         """Execute, and publish the result."""
         self._failure = None
         self._progress_reached = 0.0
-        self.request_time = requested_time(outInfo.GetInformationObject(_port_asked(request)))
+        asked = max(int(request.Get(vtkExecutive.FROM_OUTPUT_PORT())), 0)
+        self.request_time = requested_time(outInfo.GetInformationObject(asked))
         # Filters without progress reports stop here after a request to abort.
         self.report_progress(0.0)
-        inputs = [
-            info and info.Get(vtkDataObject.DATA_OBJECT())  # None for an open port
-            for info in _first_of_each(inInfo)
-        ]
+        # None for an open port.
+        inputs = [info and info.Get(vtkDataObject.DATA_OBJECT()) for info in _first_of_each(inInfo)]
         try:
             result = self.execute(*map(self._argument, range(len(inputs)), inputs))
         except InputError as error:
@@ -203,11 +215,6 @@ class Algorithm(VTKPythonAlgorithmBase):
             output.GetFieldData().AddArray(provenance)
             if self.request_time is not None:
                 output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), self.request_time)
-
-
-def _port_asked(request: Any) -> int:
-    """Return the number of the requested output."""
-    return max(int(request.Get(vtkExecutive.FROM_OUTPUT_PORT())), 0)
 
 
 def _first_of_each(inInfo: Any) -> list[Any]:

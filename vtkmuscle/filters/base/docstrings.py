@@ -65,8 +65,5 @@ def described(parameter: Any) -> str:
 
 def split_docstring(doc: str) -> tuple[str, str]:
     """Split a cleaned docstring before its first section heading."""
-    lines = doc.splitlines()
-    for i in range(1, len(lines)):
-        if lines[i] and set(lines[i]) == {"-"} and len(lines[i]) == len(lines[i - 1]):
-            return "\n".join(lines[: i - 1]).rstrip(), "\n".join(lines[i - 1 :])
-    return doc, ""
+    section = re.search(r"^\S.*\n-+$", doc, re.MULTILINE)
+    return (doc[: section.start()].rstrip(), doc[section.start() :]) if section else (doc, "")

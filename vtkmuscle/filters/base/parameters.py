@@ -162,6 +162,11 @@ class Parameter(Declaration, Generic[T]):
         return converted
 
 
+def quality_of(presets: Mapping[str, Mapping[str, Any]]) -> Parameter[str | None]:
+    """Return the parameter ``quality`` of a filter with presets."""
+    return Parameter(str, default=None, choices=tuple(presets), sets=presets)
+
+
 #: Kinds of plain values in words, and the accepted types.
 _WORDS = {bool: "True or False", int: "an integer", float: "a finite number", str: "a string"}
 _TYPES: dict[type, Any] = {bool: (bool, np.bool_), int: numbers.Integral, float: numbers.Real, str: str}

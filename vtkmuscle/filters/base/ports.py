@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar, overload
+from typing import TYPE_CHECKING, Any
 
 from vtkmodules.vtkCommonCore import vtkObject
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataObjectTypes, vtkMultiBlockDataSet, vtkPolyData
@@ -23,18 +23,10 @@ from vtkmuscle.filters.base.docstrings import Declaration
 if TYPE_CHECKING:
     from vtkmuscle.filters.base.filter import Filter
 
-PortT = TypeVar("PortT", bound="Port")
-
 
 @dataclass(eq=False)
 class Port(Declaration):
     """Base of ports; the kind is a VTK class."""
-
-    @overload
-    def __get__(self: PortT, instance: None, owner: type) -> PortT: ...
-
-    @overload
-    def __get__(self, instance: Filter, owner: type) -> Any: ...
 
     def __get__(self, instance: Filter | None, owner: type) -> Any:
         return self if instance is None else self.read(instance)
