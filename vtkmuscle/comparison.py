@@ -34,7 +34,7 @@ _WIDTH, _HEIGHT = 4.8, 3.2
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A quantity of a muscle over a coordinate or time: mean (n,) of all paths or fibres at positions x (n,).
+    """A quantity of a muscle over a coordinate or time. Mean (n,) of all paths or fibres at positions x (n,).
 
     ``over`` is the name and unit of the horizontal axis, ``unit`` that of the quantity.
     """

@@ -254,7 +254,7 @@ def _middle(curve: Any) -> Any:
 
 
 def _rms(parts: Sequence[Any]) -> float:
-    """Return the root mean square of all numbers, NaN of none; a frame that did not settle has none."""
+    """Return the root mean square of all numbers. NaN of none; a frame that did not settle has none."""
     numbers = np.concatenate([*parts, np.empty(0)])
     numbers = numbers[np.isfinite(numbers)]
     return float(np.sqrt(np.mean(numbers**2))) if len(numbers) else float("nan")

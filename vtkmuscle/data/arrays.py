@@ -209,7 +209,7 @@ def add_arrays(
     cells: Mapping[str, NDArray[Any]] | None = None,
     fields: Mapping[str, Any] | None = None,
 ) -> Data:
-    """Add copies of arrays by name; a field is an array, a number, a string or a list of strings."""
+    """Add copies of arrays by name. A field is an array, a number, a string or a list of strings."""
     for owner, arrays in (("Point", points), ("Cell", cells)):
         for name, values in (arrays or {}).items():
             getattr(data, f"Get{owner}Data")().AddArray(vtk_array(np.asarray(values), name))

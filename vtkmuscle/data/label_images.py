@@ -146,7 +146,7 @@ def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, 
 
 @dataclass(frozen=True, eq=False)
 class Label:
-    """A label of an image: value, voxels, box; the frame (4, 4) maps voxels (i, j, k) to centres [mm]."""
+    """A label of an image: value, voxels, box. The frame (4, 4) maps voxels (i, j, k) to centres [mm]."""
 
     value: int
     voxels: NDArray[np.integer]

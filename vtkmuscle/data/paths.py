@@ -61,7 +61,7 @@ def path_lines_of(data: vtkPolyData, where: str) -> PathLines | None:
 
 
 class Paths(NamedTuple):
-    """The lengths and rest lengths (k,), points (k, n, 3) and levers (k,) of a muscle's paths in a pose.
+    """A muscle's paths in a pose. Lengths and rest lengths (k,), points (k, n, 3) and levers (k,).
 
     Levers are by coordinate, per radian or millimetre, positive if the pull increases the coordinate.
     """

@@ -30,7 +30,7 @@ _DECIMAL = "separate numbers by commas, and write decimals with a point"
 
 @dataclass(frozen=True, eq=False)
 class NamedPoints:
-    """Points (n, 3) with names or "", perhaps a closed ring; the frame is ``"LPS"``, ``"RAS"`` or unknown."""
+    """Points (n, 3) with names or "". Perhaps a closed ring; the frame is ``"LPS"``, ``"RAS"`` or unknown."""
 
     names: tuple[str, ...]
     points: Floats

@@ -107,7 +107,7 @@ def curves_for(
 
 @dataclass(frozen=True, eq=False)
 class DrawnCurve:
-    """A line, or a band up to ``upper`` (n,), in a figure: angles (n,) [degrees] and arms (n,) [mm]."""
+    """A line or a band in a figure. Angles (n,) [degrees] and arms (n,) [mm], up to ``upper`` (n,)."""
 
     source: str
     label: str

@@ -1,4 +1,4 @@
-"""Figures to be drawn, and a test of off-screen rendering in a child process that a driver may end."""
+"""Figures to be drawn. A child process, which a driver may end, tests off-screen rendering."""
 
 from __future__ import annotations
 

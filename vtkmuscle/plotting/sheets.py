@@ -143,7 +143,7 @@ def blank_figure(width: float, height: float, layout: Any = None) -> Figure:
 
 
 def save_figure(figure: Figure, path: Path, form: str = "png", dpi: float = 150.0) -> None:
-    """Write a figure as png, pdf or svg, all or nothing; text and lines stay vectors in pdf and svg."""
+    """Write a figure as png, pdf or svg, all or nothing. Text and lines stay vectors in pdf and svg."""
     options: dict[str, Any] = {"pil_kwargs": {"compress_level": 1}}
     if form != "png":
         options = {"metadata": {{"pdf": "CreationDate", "svg": "Date"}[form]: None}}

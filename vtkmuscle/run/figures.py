@@ -36,7 +36,7 @@ FORMS = ("png", "pdf", "svg")
 
 
 class Drawing:
-    """The figures of a run in a folder; the processes of a pool draw them while muscles are solved."""
+    """The figures of a run in a folder. The processes of a pool draw them while muscles are solved."""
 
     def __init__(self, folder: Path, pool: Pool | None, bones: DrawnBones) -> None:
         self._folder, self._pool, self._bones, self._orders = folder, pool, bones, list[FigureOrder]()

@@ -109,7 +109,7 @@ class MuscleMeasure:
         }
 
     def depths(self, points: Floats, transforms: Mapping[str, Floats]) -> Floats | None:
-        """Return the depths (n,) of points (n, 3) in bones, 0 outside; None without a bone with an inside."""
+        """Return the depths (n,) of points (n, 3) in bones. 0 outside; None without a bone with an inside."""
         if not self._shapes:
             return None
         posed = ((bone, transforms.get(name, np.eye(4))) for name, bone in self._shapes.items())

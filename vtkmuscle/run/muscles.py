@@ -257,7 +257,7 @@ class MuscleRun:
 
     @contextmanager
     def _timed(self, stage: str, last: Filter | None = None) -> Iterator[Callable[[], float]]:
-        """Add the time to a stage, whose filters the stop flag aborts; yield a function for the time."""
+        """Add the time to a stage. The stop flag aborts its filters; yields a function for the time."""
         before = after = self.clock()
         chain = () if last is None else upstream(last)
         observed = [(each, each.AddObserver("ProgressEvent", self._on_progress)) for each in chain]

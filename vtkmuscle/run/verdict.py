@@ -57,7 +57,7 @@ VERDICTS = (OK, LOOK, FAILED)
 
 @dataclass(frozen=True)
 class Reason:
-    """The worst frame of a check, value and limit in ``unit``; ``says`` is the problem, ``do`` the remedy."""
+    """The worst frame of a check. Value and limit have a ``unit``; ``says`` is the problem, ``do`` helps."""
 
     check: str
     verdict: str
@@ -207,7 +207,7 @@ MARGIN = 15.0
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A muscle with all that is known of its results; lengths of paths are per frame and path [mm]."""
+    """A muscle with all that is known of its results. Lengths of paths are per frame and path [mm]."""
 
     name: str
     scene: SceneData

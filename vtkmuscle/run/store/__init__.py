@@ -1,4 +1,4 @@
-"""Folders of results, read: the report, a note per finished muscle, and the note of the finished run."""
+"""Folders of results, read. The report, a note per finished muscle, and the note of the finished run."""
 
 from __future__ import annotations
 
