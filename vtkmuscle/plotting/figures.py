@@ -20,7 +20,6 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
@@ -120,11 +119,10 @@ def plot_muscle(
     view = views.clearest_view([frame.muscle for frame in frames], hiding)
     (view, *_) = sheets.fitted([view] * len(frames), width)
     strains: list[Floats] = []
-    limit = 1.0
+    limit, fibres = 1.0, [frame.fibres for frame in frames if frame.fibres is not None]
     if rest_fibres is not None:
-        rest_lengths = np.maximum(_lengths(rest_fibres), 1e-12)
-        fibres = [frame.fibres for frame in frames if frame.fibres is not None]
-        strains = [100.0 * (_lengths(lines) / rest_lengths - 1.0) for lines in fibres]
+        rest, *every = (polylines_of(data, "plotting: fibres").lengths for data in (rest_fibres, *fibres))
+        strains = [100.0 * (lengths / np.maximum(rest, 1e-12) - 1.0) for lengths in every]
         limit = max(limit, float(np.percentile(np.abs(strains), 98))) if strains else limit
     panels = []
     for frame, strain in zip_longest(frames, strains):
@@ -211,11 +209,6 @@ def _lines(x: Floats, values: Floats, **look: Any) -> LineCollection:
     return LineCollection(list(points.swapaxes(0, 1)), linewidths=0.7, **look)
 
 
-def _lengths(fibres: vtkPolyData) -> Floats:
-    lines = polylines_of(fibres, "plotting: fibres")
-    return polyline_lengths(lines.points, lines.offsets)
-
-
 #: Height of the curves of a coordinate, and of the picture of the muscle, at most [inches].
 _HEIGHT, _PICTURE = 2.4, 2.1
 
@@ -274,15 +267,11 @@ def plot_moment_arms(
     figure.set_layout_engine("constrained", rect=(left / wide, 0.0, 1.0 - left / wide, curves_high / height))
     figure.text(0.5, 1.0 - 0.15 / height, title, ha="center", va="center", fontsize="large")
     if panel is not None:
-        corner = (
-            (0.05, curves_high - panel.inches[1] - 0.05)
-            if beside
-            else ((wide - panel.inches[0]) / 2.0, curves_high + 0.02)
-        )
+        corner = 0.05, curves_high - panel.inches[1] - 0.05
+        corner = corner if beside else ((wide - panel.inches[0]) / 2.0, curves_high + 0.02)
         panel.add_to(figure, corner, units)
-    for axes, (name, joint_arms) in zip(
-        figure.subplots(len(arms), squeeze=False)[:, 0], arms.items(), strict=True
-    ):
+    below = figure.subplots(len(arms), squeeze=False)[:, 0]
+    for axes, (name, joint_arms) in zip(below, arms.items(), strict=True):
         _draw_arms(axes, joint_arms, positions)
         unit = ANGLES.get(joint_arms.unit)
         if unit is not None:
