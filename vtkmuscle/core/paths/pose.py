@@ -185,7 +185,7 @@ class SheetPose:
         if sheet.rings:
             add_rings(x, self._rings, self.ring_points, *rounded, gradient, blocks, self._ring_pressure)
 
-    def settle(self, segment: float, tolerance: float, reach: float) -> bool:
+    def settle(self, segment: float, reach: float) -> bool:
         """Bring the sheet to rest by Newton's method.
 
         Return whether the sheet came to rest. The matrix leaves out the turning of tangents, so that steps
@@ -195,13 +195,11 @@ class SheetPose:
         ----------
         segment : float
             Mean distance of points along a path at rest [mm].
-        tolerance : float
-            See :data:`TOLERANCE`.
         reach : float
             Distance of a point from its start at which the method gives up [mm].
         """
         start = x = self.x
-        enough = tolerance * x.shape[0] * x.shape[1] * segment**2
+        enough = TOLERANCE * x.shape[0] * x.shape[1] * segment**2
         longest = LARGEST_STEP * segment
         before: list[tuple[Floats, Floats, Floats]] = []
         slopes: deque[float] = deque(maxlen=4)

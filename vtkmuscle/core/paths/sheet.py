@@ -23,7 +23,7 @@ from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.paths.bone_contact import BoneContacts
 from vtkmuscle.core.paths.guides import ALL_PATHS, Guides, with_bones
 from vtkmuscle.core.paths.neighbours import neighbours_of, path_lengths, path_widths
-from vtkmuscle.core.paths.pose import TOLERANCE, Sheet, SheetPose, farthest_of
+from vtkmuscle.core.paths.pose import Sheet, SheetPose, farthest_of
 from vtkmuscle.core.paths.ring_contact import outside_of, rings_at
 from vtkmuscle.core.paths.surroundings import surroundings_of
 from vtkmuscle.core.paths.via_rings import ViaRing
@@ -37,10 +37,6 @@ POINTS = 33
 #: segments: a path does not jump over what lies between. With twice as many all phantoms and a real hip are
 #: still the same, in three fifths of the time; with four times as many a strap jumps over two rollers.
 LARGEST_MOVE = 4.0
-
-#: Tolerance of a sheet on its way to a pose. Flexed straight by 90 degrees, four muscles of a real hip take 0.6
-#: to 0.8 of the steps that they take with the final tolerance, and have the same lengths within 0.005 mm.
-WAY_TOLERANCE = 1e4 * TOLERANCE
 
 #: The drift with which paths begin in a new pose, in drifts of the pose before, at most.
 LARGEST_DRIFT = 2.0
@@ -267,10 +263,10 @@ class MusclePaths:
             pose = transforms
             if number < steps:
                 pose = screws_between(known, transforms, number / steps)
-            state = self._go_on(state, pose, TOLERANCE if number == steps else WAY_TOLERANCE)
+            state = self._go_on(state, pose)
         return state
 
-    def _go_on(self, before: PathState, transforms: Floats, tolerance: float) -> PathState:
+    def _go_on(self, before: PathState, transforms: Floats) -> PathState:
         """Return the paths in a near pose.
 
         The paths begin with the drift of the pose before, scaled by the part of the earlier move of the ends
@@ -285,10 +281,10 @@ class MusclePaths:
         carried = with_bones(before.points, *ends, moves)
         start = with_bones(before.points + again * before.drift, *ends, moves)
         reach = farthest_of(start - carried) or math.inf
-        state = self._settle(start, transforms, ends_moved, carried, tolerance, reach)
+        state = self._settle(start, transforms, ends_moved, carried, reach)
         steps = before.steps + state.steps
         if farthest_of(state.points - start) > reach:
-            state = self._settle(carried, transforms, ends_moved, carried, tolerance)
+            state = self._settle(carried, transforms, ends_moved, carried)
             steps += state.steps
         return replace(state, steps=steps)
 
@@ -312,20 +308,19 @@ class MusclePaths:
         transforms: Floats,
         ends_moved: Floats,
         carried: Floats,
-        tolerance: float = TOLERANCE,
         reach: float = math.inf,
     ) -> PathState:
         """Return the sheet in a pose near ``start``.
 
-        The sheet is in equilibrium, within a tolerance; the ends ``carried`` the sheet so far. The search gives
-        up farther than ``reach`` from the start.
+        The sheet is in equilibrium; the ends ``carried`` the sheet so far. The search gives up farther than
+        ``reach`` from the start.
         """
         start = start.copy()
         start[:, 0] = _carried_by(transforms[self.start_bones], self.fibres[:, 0])
         start[:, -1] = _carried_by(transforms[self.end_bones], self.fibres[:, -1])
         pose = SheetPose(self._sheet, transforms, start)
         pose.hold(carried)  # near the equilibrium rings would never let go of the points that they hold
-        settled = pose.settle(self._segment, tolerance, reach)
+        settled = pose.settle(self._segment, reach)
         self._latest = pose  # alive for the levers of this state
         return PathState(
             self._sheet,
