@@ -166,7 +166,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
             if self._neighbours is None:
                 self._neighbours = Neighbours(*levels)
             contacts = self._neighbours.at(neighbours)
-            options: dict[str, Any] = {"neighbours": contacts, "progress": self.report_part}
+            options: dict[str, Any] = {"near": contacts, "report": self.report_part}
             if start is None:
                 last = solver.at_rest(len(bones.surfaces)) if before is None else before
                 return solver.step(last, bones.transforms, **options)

@@ -254,9 +254,7 @@ class _Run(NamedTuple):
         """The tree with the ranges of the run's poses, beyond which the paths are not fitted."""
         poses = {each: (float(column.min()), float(column.max())) for each, column in self.values.items()}
         moved = {name: span for name, span in poses.items() if name in self.tree.free and span[0] < span[1]}
-        coordinates = [
-            replace(each, range=moved.get(each.name, each.range)) for each in self.tree.coordinates
-        ]
+        coordinates = [replace(q, range=moved.get(q.name, q.range)) for q in self.tree.coordinates]
         return replace(self.tree, coordinates=coordinates)
 
 
@@ -340,9 +338,7 @@ def _exported(
                     specific_tension=export.specific_tension,
                 )
                 properties["max_isometric_force"] *= members.mean()
-            errors = {
-                at: (moment_arm(path, tree, values, at) - arm) * units[at] for at, arm in mean_arms.items()
-            }
+            errors = {q: (moment_arm(path, tree, values, q) - arm) * units[q] for q, arm in mean_arms.items()}
             off = rms(changes - changes.mean(axis=0)), 1000.0 * (path.lengths(tree, values) - mean), errors
             out, fibres = MuscleOut(label, path, properties, export.kind), np.flatnonzero(members).tolist()
             exported.append(ExportedMuscle(name, out, tuple(fibres), *off))

@@ -190,9 +190,8 @@ def hip_parts(
         "pelvis": mesh_of(solids["pelvis"], 4.0, round(14000 * detail)),
         "femur": mesh_of(solids["femur"], 3.5, round(7000 * detail)),
     }
-    muscles = {
-        name: mesh_of(belly, shapes[name]["spacing"], round(3000 * detail)) for name, belly in bellies.items()
-    }
+    count = round(3000 * detail)
+    muscles = {name: mesh_of(belly, shapes[name]["spacing"], count) for name, belly in bellies.items()}
 
     def area(muscle: str, role: str, bone: str) -> AttachmentArea:
         outline = shapes[muscle][role]

@@ -268,15 +268,13 @@ class Solids:
         best, outward = np.full(len(positions), np.inf), np.zeros((len(positions), 3))
         for tree in self._all:
             beyond = np.maximum(tree.boxes[0, :3] - positions, positions - tree.boxes[0, 3:])
-            in_reach = np.flatnonzero(
-                np.linalg.norm(np.maximum(beyond, 0.0), axis=1) <= np.maximum(best, 0.0)
-            )
-            distance, _, normal = tree.tangent_planes(positions[in_reach])
+            near = np.flatnonzero(np.linalg.norm(np.maximum(beyond, 0.0), axis=1) <= np.maximum(best, 0.0))
+            distance, _, normal = tree.tangent_planes(positions[near])
             if tree is self.sheets:
                 normal[distance < 0.0] *= -1.0
                 distance = np.abs(distance)
-            nearer = distance < best[in_reach]
-            best[in_reach[nearer]], outward[in_reach[nearer]] = distance[nearer], normal[nearer]
+            nearer = distance < best[near]
+            best[near[nearer]], outward[near[nearer]] = distance[nearer], normal[nearer]
         return best, outward
 
     def depth(self, points: ArrayLike) -> Floats:

@@ -86,9 +86,8 @@ def triangle_stretches(rest: Floats, now: Floats) -> tuple[Floats, Floats, Float
     over = np.divide(1.0, squared, out=np.zeros_like(squared), where=proper)
     half = 0.5 * over * (rest[2] * now[0] - 2.0 * rest[1] * now[1] + rest[0] * now[2])
     apart = np.sqrt(np.maximum(half * half - over * squared_now, 0.0))
-    least, greatest = (
-        np.where(proper, np.sqrt(np.maximum(square, 0.0)), 1.0) for square in (half - apart, half + apart)
-    )
+    squares = half - apart, half + apart
+    least, greatest = (np.where(proper, np.sqrt(np.maximum(square, 0.0)), 1.0) for square in squares)
     return least, greatest, areas
 
 

@@ -211,36 +211,32 @@ class PBDSolver:
         velocities = np.zeros_like(self.rest) if self.parameters.prediction == "velocity" else None
         return State(self.rest + self.centre, transforms, 0, self.rest, velocities)
 
-    def step(
-        self, state: State, transforms: Floats, neighbours: Near = (), progress: Progress = quiet
-    ) -> State:
+    def step(self, state: State, transforms: Floats, near: Near = (), report: Progress = quiet) -> State:
         """Return the state after the bones have moved on.
 
-        Transforms (b, 4, 4) lead from rest to now. Free points are kept out of the neighbours, too.
-        ``progress`` is called after each iteration. A ValueError reports an overflowing position.
+        Transforms (b, 4, 4) lead from rest to now. Free points are kept out of near muscles, too.
+        ``report`` is called after each iteration. A ValueError reports an overflowing position.
         """
         transforms = np.array(transforms, dtype=np.float64)
         if state.velocities is not None:
-            return self._with_velocities(state, transforms, neighbours, progress)
+            return self._with_velocities(state, transforms, near, report)
         parts = self._parts(state.transforms, transforms)
         before, x = state.transforms, state.positions
         for part in range(1, parts + 1):
             now = screws_between(state.transforms, transforms, part / parts)
             p = self._with_fixed_points(self._carried(x, before, now), now)
 
-            def report(done: float, part: int = part) -> None:
-                progress((part - 1 + done) / parts)
+            def part_done(done: float, part: int = part) -> None:
+                report((part - 1 + done) / parts)
 
-            keep_out = self._keep_out(now, before, x, neighbours)
-            held = self._iterate(p, self.rows.constants, keep_out, report)
+            keep_out = self._keep_out(now, before, x, near)
+            held = self._iterate(p, self.rows.constants, keep_out, part_done)
             before, x = now, p[:-1]
         if self.parameters.finish:
             held = self._exact.finish(x, keep_out)
         return self._state(x, transforms, held)
 
-    def pose(
-        self, start: Floats, transforms: Floats, neighbours: Near = (), progress: Progress = quiet
-    ) -> State:
+    def pose(self, start: Floats, transforms: Floats, near: Near = (), report: Progress = quiet) -> State:
         """Return the state in a pose, begun at a surface.
 
         The surface is (n, 3) [mm]. Edges keep their lengths on the surface, and their angles at rest. The
@@ -251,15 +247,13 @@ class PBDSolver:
         if self._as_carried is None:
             self._as_carried = self.rows.constants.copy()
         sweep.take_lengths(p, self.rows.points, self._as_carried)
-        keep_out = self._keep_out(transforms, transforms, p[:-1].copy(), neighbours)
-        held = self._iterate(p, self._as_carried, keep_out, progress)
+        keep_out = self._keep_out(transforms, transforms, p[:-1].copy(), near)
+        held = self._iterate(p, self._as_carried, keep_out, report)
         if self.parameters.finish:
             held = self._exact.finish(p[:-1], keep_out)
         return self._state(p[:-1], transforms, held)
 
-    def _with_velocities(
-        self, state: State, transforms: Floats, neighbours: Near, progress: Progress
-    ) -> State:
+    def _with_velocities(self, state: State, transforms: Floats, near: Near, report: Progress) -> State:
         """Do Algorithm 2, lines 6 to 37."""
         settings, x, v, dt = self.parameters, state.positions, state.velocities, self.parameters.dt
         assert v is not None  # the state is of this kind
@@ -267,8 +261,8 @@ class PBDSolver:
             force = np.asarray(settings.external_force, dtype=np.float64)
             start = x + dt * (settings.velocity_kept * (v + dt * force))
             p = self._with_fixed_points(start, transforms)
-            keep_out = self._keep_out(transforms, state.transforms, x, neighbours)
-            held = self._iterate(p, self.rows.constants, keep_out, progress)
+            keep_out = self._keep_out(transforms, state.transforms, x, near)
+            held = self._iterate(p, self.rows.constants, keep_out, report)
             if settings.finish:
                 held |= self._exact.finish(p[:-1], keep_out)
             velocities = (p[:-1] - x) / dt

@@ -66,16 +66,14 @@ class Settling:
     fixed_to : (n,) int, index of the bone each point is fixed to, -1 for free points;
     bones : mapping of int to Bone, bones that free points are kept out of, by index: see
         :class:`~vtkmuscle.core.bones.contact.BoneContact`;
-    clearance : float, distance that points keep from the bones [mm].
+    gap : float, distance that points keep from the bones [mm].
     """
 
-    def __init__(
-        self, shape: RestShape, fixed_to: Ints, bones: Mapping[int, Bone], clearance: float = 0.0
-    ) -> None:
+    def __init__(self, shape: RestShape, fixed_to: Ints, bones: Mapping[int, Bone], gap: float = 0.0) -> None:
         self._rest = shape.points
         self._free = free = fixed_to < 0
         self._fixed = [(int(bone), np.flatnonzero(fixed_to == bone)) for bone in np.unique(fixed_to[~free])]
-        self._contact = BoneContact(bones, self._rest, free, clearance)
+        self._contact = BoneContact(bones, self._rest, free, gap)
         self._diffusion = Diffusion(self._rest, shape.topology.triangles)
         self._edges = shape.topology.edges
         self._volume = Volume(shape, free)
