@@ -24,11 +24,8 @@ from vtkmuscle.filters.base.parameters import Parameter, quality_of
 _DEFAULT = Parameters()
 
 #: Defaults of the parameters in presets.
-_BALANCED: Mapping[str, Any] = {
-    "iterations": _DEFAULT.iterations,
-    "solved_triangles": 3000,
-    "collision": "sdf",
-    **{name: getattr(_DEFAULT, name) for name in PUBLISHED},
+_BALANCED: Mapping[str, Any] = {"solved_triangles": 3000, "collision": "sdf"} | {
+    name: getattr(_DEFAULT, name) for name in ("iterations", *PUBLISHED)
 }
 
 #: Values of the parameters by quality.

@@ -22,15 +22,11 @@ from vtkmuscle.joints.functions import FUNCTIONS, IDENTITY, Polynomial, function
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
 #: Axes of each joint type in the joint frame: letters of its rotations, then of its translations.
-_PLAIN = {
-    "WeldJoint": ("", ""),
-    "PinJoint": ("z", ""),
-    "SliderJoint": ("", "x"),
-    "UniversalJoint": ("xy", ""),
-    **dict.fromkeys(("BallJoint", "GimbalJoint"), ("xyz", "")),
-    "PlanarJoint": ("z", "xy"),
-    "FreeJoint": ("xyz", "xyz"),
-}
+_PLAIN = (
+    {"WeldJoint": ("", ""), "PinJoint": ("z", ""), "SliderJoint": ("", "x"), "UniversalJoint": ("xy", "")}
+    | dict.fromkeys(("BallJoint", "GimbalJoint"), ("xyz", ""))
+    | {"PlanarJoint": ("z", "xy"), "FreeJoint": ("xyz", "xyz")}
+)
 _AXES = dict(zip("xyz", np.eye(3), strict=True))
 JOINTS = ("CustomJoint", *_PLAIN)
 ENDS = ("parent", "child")

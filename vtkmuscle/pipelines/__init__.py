@@ -40,15 +40,8 @@ FIBRE_SETTINGS: dict[str, Parameter[Any]] = {
 #: also used by Kohout and Cervenka 2021. Both leave parts of the muscle empty.
 PUBLISHED_FIBRES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
-        "kohout2012": {
-            "axis": "attachments",
-            "angle_step": 5.0,
-            "method": "plane",
-            "continuity": 0.0,
-            "end_rule": "closest",
-            "smoothing_weight": 4.0,
-            "spreading": 0.0,
-        },
+        "kohout2012": {"axis": "attachments", "angle_step": 5.0, "method": "plane", "continuity": 0.0}
+        | {"end_rule": "closest", "smoothing_weight": 4.0, "spreading": 0.0},
         "kohout2014": {"method": "harmonic", "spreading": 0.0},
     }
 )

@@ -170,18 +170,11 @@ def survey(points: Floats, triangles: Ints) -> SurfaceReport:
     double_areas = np.linalg.norm(triangle_normals(points, triangles), axis=1)
     used = np.unique(triangles)
     labels = point_components(len(points), edges)
-    return SurfaceReport(
-        n_points=len(points),
-        n_triangles=len(triangles),
-        n_components=len(np.unique(labels[used])),
-        n_unused_points=len(points) - len(used),
-        n_boundary_edges=int((uses == 1).sum()),
-        n_nonmanifold_edges=int((uses > 2).sum()),
-        n_misoriented_edges=int(((uses == 2) & (balance != 0)).sum()),
-        n_degenerate_triangles=int((double_areas == 0).sum()),
-        area=float(double_areas.sum() / 2.0),
-        volume=signed_volume(points, triangles),
-    )
+    of_points = len(np.unique(labels[used])), len(points) - len(used)
+    of_edges = (int(bad.sum()) for bad in (uses == 1, uses > 2, (uses == 2) & (balance != 0)))
+    degenerate, area = int((double_areas == 0).sum()), float(double_areas.sum() / 2.0)
+    sizes = degenerate, area, signed_volume(points, triangles)
+    return SurfaceReport._make([len(points), len(triangles), *of_points, *of_edges, *sizes])
 
 
 def check_volume(points: Floats, volume: float) -> None:

@@ -103,13 +103,8 @@ class Parameters:
 
 #: The settings with which Algorithm 2 is as printed.
 PUBLISHED = MappingProxyType(
-    {
-        "prediction": "velocity",
-        "order": "kind",
-        "anisotropy": "fibres",
-        "signed_angles": False,
-        "finish": False,
-    }
+    {"prediction": "velocity", "order": "kind", "anisotropy": "fibres"}
+    | {"signed_angles": False, "finish": False}
 )
 
 
@@ -221,10 +216,14 @@ class PBDSolver:
         if state.velocities is not None:
             return self._with_velocities(state, transforms, near, report)
         parts = self._parts(state.transforms, transforms)
-        before, x = state.transforms, state.positions
+        before, x, bones = state.transforms, state.positions, [bone for bone, _ in self._fixed]
         for part in range(1, parts + 1):
             now = screws_between(state.transforms, transforms, part / parts)
-            p = self._with_fixed_points(self._carried(x, before, now), now)
+            carried = x
+            if self._weights is not None:  # by the bones' blended motions
+                motions = centred(now[bones] @ inverses(before[bones]), self.centre)
+                carried = blend_motions(motions, self._weights, x)
+            p = self._with_fixed_points(carried, now)
 
             def part_done(done: float, part: int = part) -> None:
                 report((part - 1 + done) / parts)
@@ -292,14 +291,6 @@ class PBDSolver:
         squares = ((turns[1:] - turns[:1]) ** 2).sum(axis=(1, 2)).max(initial=0.0)
         turn = 2.0 * math.degrees(math.asin(min(math.sqrt(squares / 8.0), 1.0)))
         return max(1, math.ceil(turn / LARGEST_TURN - 1e-6))
-
-    def _carried(self, x: Floats, before: Floats, now: Floats) -> Floats:
-        """Return points moved by the bones' blended motions, (n, 3)."""
-        if self._weights is None:
-            return x
-        bones = [bone for bone, _ in self._fixed]
-        motions = centred(now[bones] @ inverses(before[bones]), self.centre)
-        return blend_motions(motions, self._weights, x)
 
     def _with_fixed_points(self, points: Floats, transforms: Floats) -> Floats:
         """Return points with the fixed points on their bones, and one more: (n + 1, 3)."""
