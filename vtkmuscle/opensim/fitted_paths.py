@@ -196,9 +196,10 @@ class _Search:
         self.targets = np.concatenate([lengths, *(halves[name] * arm for name, arm in arms.items())])
         moves = [{}, *({name: sign * STEP} for name in arms for sign in (-1.0, 1.0))]
         free = {name: full[name] for name in tree.free}
-        self.full = tree.completed(
-            {name: np.concatenate([at + move.get(name, 0.0) for move in moves]) for name, at in free.items()}
-        )
+        moved = {
+            name: np.concatenate([at + move.get(name, 0.0) for move in moves]) for name, at in free.items()
+        }
+        self.full = tree.completed(moved)
         self.poses = tree.poses(self.full)
 
     def off(self, path: PointPath) -> Floats:

@@ -329,14 +329,10 @@ def _exported(
                 path = fit_points(line, tree, values, *fitted, tolerance=TOLERANCE)
             properties: dict[str, float] = {}
             if export.kind != GEOMETRY_ONLY:
-                properties = completed_properties(
-                    fixed,
-                    result.report["muscles"][name]["architecture"],
-                    name,
-                    length=float(path.lengths(tree, rest)[0]),
-                    share=float(mean.mean() / lengths.mean() * 1000.0),
-                    specific_tension=export.specific_tension,
-                )
+                architecture = result.report["muscles"][name]["architecture"]
+                at_rest, share = float(path.lengths(tree, rest)[0]), mean.mean() / lengths.mean() * 1000.0
+                known = at_rest, float(share), export.specific_tension
+                properties = completed_properties(fixed, architecture, name, *known)
                 properties["max_isometric_force"] *= members.mean()
             errors = {q: (moment_arm(path, tree, values, q) - arm) * units[q] for q, arm in mean_arms.items()}
             off = rms(changes - changes.mean(axis=0)), 1000.0 * (path.lengths(tree, values) - mean), errors

@@ -186,10 +186,8 @@ def hip_parts(
     bellies = {name: sheet.beside(*solids.values()) for name, sheet in sheets.items()}
     maximus = bellies["gluteus_maximus"].without(bellies["gluteus_medius"], CUT, gap=1.0)
     bellies["gluteus_maximus"] = maximus
-    bones = {
-        "pelvis": mesh_of(solids["pelvis"], 4.0, round(14000 * detail)),
-        "femur": mesh_of(solids["femur"], 3.5, round(7000 * detail)),
-    }
+    sizes = ("pelvis", 4.0, 14000), ("femur", 3.5, 7000)
+    bones = {name: mesh_of(solids[name], spacing, round(size * detail)) for name, spacing, size in sizes}
     count = round(3000 * detail)
     muscles = {name: mesh_of(belly, shapes[name]["spacing"], count) for name, belly in bellies.items()}
 

@@ -111,14 +111,9 @@ def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
     products = np.stack([(a * b).sum(axis=1) for a, b in ((l0, l1), (l0, l2), (l1, l2))], axis=1)
     crosses = np.cross(l1, normals), np.cross(l2, normals)
     constants = [normals, *crosses, double_areas, products / double_areas[:, None], squares]
-    return CoordinateMesh(
-        np.ascontiguousarray(vertices, dtype=np.float64),
-        np.ascontiguousarray(triangles, dtype=np.int64),
-        np.column_stack(constants),
-        spread=vertices @ np.linalg.pinv(vertices.T @ vertices),
-        centre=centre,
-        diagonal=diagonal(used),
-    )
+    spread = vertices @ np.linalg.pinv(vertices.T @ vertices)
+    mesh = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(triangles, np.int64)
+    return CoordinateMesh(*mesh, np.column_stack(constants), spread, centre, diagonal(used))
 
 
 def weights_of(mesh: CoordinateMesh, queries: Floats, *, first: int = 0) -> Floats:

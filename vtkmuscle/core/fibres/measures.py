@@ -120,12 +120,9 @@ def arrangement(points: Floats, offsets: Ints, samples: Floats, volume: float) -
         stations = math.ceil(2.0 * polyline_lengths(points, offsets).max() / spacing) + 1
         near = cKDTree(evenly_spaced(points, offsets, stations).reshape(-1, 3))
         bare = float((near.query(samples)[0] > spacing).mean())
-    return Arrangement(
-        crossing=max(_crossing(lines, neighbours), _crossing(lines[:, ::-1], neighbours)),
-        hooked=float(np.mean([turn.max(initial=0.0) > HOOKED for turn in turns])),
-        turning=float(np.percentile([turn.sum() for turn in turns], 95.0)),
-        bare=bare,
-    )
+    crossing = max(_crossing(lines, neighbours), _crossing(lines[:, ::-1], neighbours))
+    hooked = float(np.mean([turn.max(initial=0.0) > HOOKED for turn in turns]))
+    return Arrangement(crossing, hooked, float(np.percentile([turn.sum() for turn in turns], 95.0)), bare)
 
 
 def _turns(steps: Floats) -> Floats:

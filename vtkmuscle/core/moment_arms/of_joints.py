@@ -39,11 +39,8 @@ def known_coordinates(
     depend, by default all. Raises a ValueError if there is none.
     """
     coordinates = motion.coordinates
-    names = tuple(
-        name
-        for name, q in coordinates.items()
-        if (crossed is None or name in crossed) and (q.changes or q.twists or name in levers)
-    )
+    moving = [name for name, q in coordinates.items() if q.changes or q.twists or name in levers]
+    names = tuple(name for name in moving if crossed is None or name in crossed)
     if not names:
         listed = ", ".join(map(repr, coordinates)) or "none"
         problem = f"no coordinate of the motion changes ({listed}), so there are no moment arms"

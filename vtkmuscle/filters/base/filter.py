@@ -65,9 +65,8 @@ class Filter(Runnable, Algorithm):
         keyword = inspect.Parameter.KEYWORD_ONLY
         defaults = {port.name: None for port in cls.input_ports}
         defaults |= {name: parameter.default for name, parameter in cls.parameter_declarations.items()}
-        cls.__signature__ = inspect.Signature(
-            [inspect.Parameter(name, keyword, default=value) for name, value in defaults.items()]
-        )
+        keywords = [inspect.Parameter(name, keyword, default=value) for name, value in defaults.items()]
+        cls.__signature__ = inspect.Signature(keywords)
         own = cls.__dict__.get("__doc__") or ""
         cls.__doc__ = documented(own, cls.parameter_declarations, cls.input_ports, cls.output_ports)
 
