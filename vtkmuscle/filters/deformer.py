@@ -105,12 +105,6 @@ class DeformerSettings:
     checkpoint_memory = Parameter(float, default=256.0, minimum=0.0, units="MB")
 
 
-def solver_parameters(settings: Mapping[str, Any]) -> Parameters:
-    """Return the solver's parameters among settings, else the defaults."""
-    names = Parameters.__dataclass_fields__
-    return Parameters(**{name: value for name, value in settings.items() if name in names})
-
-
 #: Attributes of a shape report by field array: VolumeRatio for volume_ratio, and so on.
 SHAPE = {"".join(map(str.capitalize, name.split("_"))): name for name in ShapeReport.__annotations__}
 #: Keys of a row of figures, by field array.

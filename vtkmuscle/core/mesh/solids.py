@@ -137,7 +137,13 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
             )
         rim = _excess(triangles)
         if len(rim):
-            points, triangles, n_holes = _capped(points, triangles, rim)
+            # Triangles lead from each hole's rim to the rim's centre.
+            used, ends = np.unique(rim, return_inverse=True)
+            hole_of_point = point_components(len(used), ends.reshape(-1, 2))
+            hole, n_holes = hole_of_point[ends.reshape(-1, 2)[:, 0]], int(hole_of_point.max()) + 1
+            caps = np.column_stack([rim[:, 1], rim[:, 0], len(points) + hole])
+            points = np.vstack([points, part_means(points[rim].mean(axis=1), hole, n_holes)])
+            triangles = np.vstack([triangles, caps])
             remarks.append(f"the surface is open: {n_holes} hole(s), {len(rim)} edges, were closed")
     labels = point_components(len(points), triangles[:, [0, 1, 1, 2]].reshape(-1, 2))[triangles[:, 0]]
     order = np.argsort(labels, kind="stable")
@@ -212,18 +218,6 @@ def _consistent(triangles: Ints) -> tuple[Ints, int]:
     result = triangles.copy()
     result[turn] = result[turn][:, ::-1]
     return result, int(turn.sum())
-
-
-def _capped(points: Floats, triangles: Ints, rim: Ints) -> tuple[Floats, Ints, int]:
-    """Close holes by triangles to the rims' centres; return the number."""
-    used, ends = np.unique(rim, return_inverse=True)
-    ends = ends.reshape(-1, 2)
-    hole_of_point = point_components(len(used), ends)
-    hole = hole_of_point[ends[:, 0]]
-    n_holes = int(hole_of_point.max()) + 1
-    centres = part_means(points[rim].mean(axis=1), hole, n_holes)
-    caps = np.column_stack([rim[:, 1], rim[:, 0], len(points) + hole])
-    return np.vstack([points, centres]), np.vstack([triangles, caps]), n_holes
 
 
 @dataclass(frozen=True, eq=False)

@@ -183,7 +183,14 @@ class Algorithm(VTKPythonAlgorithmBase):
         except InputError as error:
             self._name(error)
             raise
-        self._publish(result, inputs, outInfo)
+        provenance = provenance_array(inputs, type(self).__name__, self.parameters())
+        for port, data in enumerate(result if isinstance(result, tuple) else (result,)):
+            if data is not None:  # None for an output that was not requested
+                output = outInfo.GetInformationObject(port).Get(vtkDataObject.DATA_OBJECT())
+                output.ShallowCopy(data)
+                output.GetFieldData().AddArray(provenance)
+                if self.request_time is not None:
+                    output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), self.request_time)
         return 1
 
     def _name(self, error: InputError) -> None:
@@ -204,17 +211,6 @@ class Algorithm(VTKPythonAlgorithmBase):
                 raise InputError(port.name, "the input has no points")
             kept = self._arguments[number] = data, state, port.take(data)
         return kept[2]
-
-    def _publish(self, results: Any, inputs: Sequence[Any], outInfo: Any) -> None:
-        provenance = provenance_array(inputs, type(self).__name__, self.parameters())
-        for port, result in enumerate(results if isinstance(results, tuple) else (results,)):
-            if result is None:  # the output was not requested
-                continue
-            output = outInfo.GetInformationObject(port).Get(vtkDataObject.DATA_OBJECT())
-            output.ShallowCopy(result)
-            output.GetFieldData().AddArray(provenance)
-            if self.request_time is not None:
-                output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), self.request_time)
 
 
 def _first_of_each(inInfo: Any) -> list[Any]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 import warnings
 from collections.abc import Iterator, Sequence
-from typing import Any, NoReturn
+from typing import Any
 
 from vtkmodules.vtkCommonCore import vtkOutputWindow
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
@@ -72,19 +72,14 @@ def update(algorithm: Any, time: float | None = None, port: int = 0) -> Output:
         _within.update = outer
         if collector is not None:
             collector.DeferredCollectionPop()
-    if not done:
-        _raise_failure(algorithm)
-    return Output(algorithm, port)
-
-
-def _raise_failure(algorithm: Any) -> NoReturn:
-    """Raise the failure farthest upstream."""
+    if done:
+        return Output(algorithm, port)
     filters = [stage for stage in reversed(list(upstream(algorithm))) if hasattr(stage, "take_failure")]
     for stage in filters:
         stage.check_connections()
-    failures = [failure for stage in filters if (failure := stage.take_failure()) is not None]
-    if failures:
-        raise failures[0]
+    for failure in [stage.take_failure() for stage in filters]:  # the farthest upstream first
+        if failure is not None:
+            raise failure
     raise RuntimeError(f"{type(algorithm).__name__}: an algorithm upstream failed; see VTK's message above")
 
 
