@@ -183,8 +183,6 @@ _KINDS = tomllib.loads((files("vtkmuscle.core") / "templates.toml").read_text(en
 #: The template of each kind.
 TEMPLATES = {kind: template_from(content, "templates.toml") for kind, content in _KINDS.items()}
 KINDS = tuple(TEMPLATES)
-
-
 #: Costs equal within this difference tie, as a template's symmetries do; the first box counts.
 TIE = 1e-9
 #: Shortest edge of an outline, as a part of its length: shorter edges come from rounding.

@@ -21,7 +21,6 @@ from vtkmuscle.filters.deformer import deformed_muscle
 
 #: Rounds of settling by quality: time grows with the rounds.
 ROUNDS = {"preview": 2, "balanced": 5, "accurate": 20}
-
 #: Tolerance for merging the weights of fibre points during settling. Settling moves the surface by one or two
 #: millimetres; merged weights have an error of a hundredth of the move.
 WEIGHT_TOLERANCE = 0.3

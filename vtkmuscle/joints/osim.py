@@ -32,7 +32,6 @@ JOINTS = ("CustomJoint", *_PLAIN)
 ENDS = ("parent", "child")
 #: Names of a CustomJoint's axes, in the order of the transform.
 AXES = tuple(kind + number for kind in ("rotation", "translation") for number in "123")
-
 _JOINT_KEYS = (
     *("socket_parent_frame", "socket_child_frame", "socket_parent_offset_frame", "socket_child_offset_frame"),
     *("coordinates", "CoordinateSet", "frames", "SpatialTransform", "reverse", "components"),
@@ -49,7 +48,6 @@ _MODEL_KEYS = (
 )
 #: Accepted length units; a file may leave the unit empty.
 _METRES = ("meters", "metres", "m", "")
-
 GROUND = "ground"
 #: Kind of a frame that is fixed to another.
 OFFSET = "PhysicalOffsetFrame"

@@ -20,8 +20,6 @@ RANGE_MARGIN = 1e-5
 TINY = 1e-300
 #: Half step of the central difference for moment arms [rad, or units of length].
 STEP = 1e-4
-
-
 #: Columns (f,) or poses (f, 4, 4) by name; values of coordinates; ranges of coordinates.
 Columns = Mapping[str, Floats]
 Values = Mapping[str, ArrayLike]

@@ -29,11 +29,9 @@ ANGLES = tuple(range(0, 91, 2))
 #: Radii of the femoral head and of the acetabulum [mm]: cartilage fills the gap.
 HEAD_RADIUS = 23.0
 SOCKET_RADIUS = 25.5
-
 #: Where the acetabulum opens to, and the centre of its rim [mm].
 OUTWARD = np.array([-0.80, -0.33, -0.50]) / np.linalg.norm([-0.80, -0.33, -0.50])
 RIM = 7.0 * OUTWARD
-
 #: Tables of hip.toml [mm].
 SHAPES = toml_table("vtkmuscle.phantoms", "hip.toml")
 WING = np.array(SHAPES["wing"]["knots"], dtype=np.float64)

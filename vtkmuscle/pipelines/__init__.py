@@ -131,7 +131,6 @@ TRANSPORT_SETTINGS: dict[str, Parameter[Any]] = dict(FibreTransport.parameter_de
 #: a frame 4 ms instead of 24 to 48; in a muscle bent by a radian the mean error is 0.008 mm, the largest 0.03
 #: mm (``benchmarks/bench_fibres.py --transport``).
 WEIGHT_TOLERANCE = 0.3
-
 #: Deformers: taut paths with skinning, position based dynamics, no deformation.
 DEFORMERS: Mapping[str, type[PathDeformer] | type[PBDDeformer] | None] = MappingProxyType(
     {"paths": PathDeformer, "pbd": PBDDeformer, "none": None}

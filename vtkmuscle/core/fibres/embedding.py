@@ -109,7 +109,6 @@ LARGEST_CHANGE = 1.0
 AT_ONCE = 128
 #: Halvings from a group to its subgroups.
 HALVINGS = 2
-
 #: Indices of a sparse matrix.
 Small = NDArray[np.int32]
 

@@ -48,10 +48,8 @@ LEVEL = 1e-6
 CANCELLED = 1e-6
 #: Squared height over squared distance, below which the series of the excess is exact.
 FLAT = 1e-6
-
 #: Coefficients of f in u, from the greatest power on.
 _TERMS = tuple(4.0**k * math.factorial(k) ** 2 / math.factorial(2 * k + 1) for k in reversed(range(11)))
-
 # Rows of the buffer, LANES numbers each: squared distances and their roots' inverses at three corners, ...
 _D0, _D1, _D2, _R0, _R1, _R2 = (row * LANES for row in range(6))
 # ... the weights there before and after, whether a triangle is not far, and the points.

@@ -9,7 +9,6 @@ from vtkmuscle.core.types import Floats, Ints
 #: Turns between triangles that meet in a crease [degrees]. From the first to the second angle the weight of a
 #: neighbour falls to 0, so a normal does not jump as a body bends.
 CREASE = 45.0, 75.0
-
 #: Barycentric share of a corner below which a position is on the opposite edge.
 ON_EDGE = 1e-6
 

@@ -23,7 +23,6 @@ from vtkmuscle.core.types import Floats, Ints, Progress, quiet
 #: Coarse points that take a fine point along. With eight, an iliacus solved with an iteration has 16 folded
 #: edges, and an adductor brevis one of eight times its length; with sixteen 8, and 4 times.
 CARRIERS = 16
-
 #: Iterations of the fine surface, with its edges as they are carried. Four muscles of a real hip, solved with
 #: 3 000 triangles, have 0 to 6 folded edges after two, 0 to 10 after one; five take 2 ms more.
 FINE_ITERATIONS = 2

@@ -33,7 +33,6 @@ from vtkmuscle.core.types import Bools, Floats, Progress, quiet
 #: larger steps are parted. An iliacus of 3 000 triangles has 18 folded edges after steps of 10 degrees with
 #: an iteration each, 12 of 5 degrees, 5 of 2.
 LARGEST_TURN = 4.0
-
 #: Moves positions out of obstacles, and returns the moved points.
 KeepOut = Callable[[Floats], Bools]
 #: Neighbouring muscles now.

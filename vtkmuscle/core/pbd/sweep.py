@@ -46,11 +46,9 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Edges of a row: two vectors of eight numbers, or four of four.
 WIDTH = 16
-
 #: Numbers of an edge that do not change: inverse masses of its four points, stiffness and rest length,
 #: stiffness of its angle, and the cosine and sine of its rest angle; the place of the rest length.
 N_CONSTANTS, LENGTH = 9, 5
-
 #: Coefficients of atan(x) / x in x^2, from the greatest power on, for x from 0 to 1; its error is 2e-15.
 _ATAN = Chebyshev.interpolate(lambda u: np.arctan(np.sqrt(u)) / np.sqrt(u), 18, domain=[0.0, 1.0])
 _A: tuple[float, ...] = tuple(_ATAN.convert(kind=Polynomial).coef[::-1].tolist())

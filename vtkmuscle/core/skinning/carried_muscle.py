@@ -28,13 +28,11 @@ from vtkmuscle.core.types import Bools, Floats, Ints, Progress, quiet
 
 #: Neighbouring muscles now.
 Near = Sequence[Neighbour]
-
 #: How far a displacement spreads over the surface, the standard deviation along a line, as a part of the
 #: muscle's mean thickness 2 V / A. Of four muscles of a real hip 0.2 and 0.3 leave one a tenth rougher or
 #: another a tenth smoother; 0.8 is rougher, and takes all farther from where they are carried
 #: (bench_settling.py).
 SPREAD = 0.4
-
 #: How far ways out of a bone spread where they would tear the muscle, likewise; and how often points go on
 #: by their depth along these, at most. A gluteus maximus that is carried 11 mm into the ischium has edges 2.5
 #: to 3.3 times as long as at rest with 1.2 to 2.4, 9 with 0.8 or without; with two times up to 8.7, six 3.3.

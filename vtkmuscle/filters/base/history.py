@@ -10,7 +10,6 @@ from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 
 Frame = TypeVar("Frame")
-
 #: Unit of ``checkpoint_memory`` [bytes].
 MEGABYTE = 10**6
 
