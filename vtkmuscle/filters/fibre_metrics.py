@@ -102,10 +102,9 @@ class FibreMetrics(Filter):
         self, fibres: Polylines, muscle: Surface | None, attachments: Areas | None, paths: PathLines | None
     ) -> vtkPolyData:
         """Return the fibres with their measures."""
-        lengths = polyline_lengths(fibres.points, fibres.offsets)
-        chords = np.linalg.norm(
-            fibres.points[fibres.offsets[1:] - 1] - fibres.points[fibres.offsets[:-1]], axis=1
-        )
+        points, offsets = fibres.points, fibres.offsets
+        lengths = polyline_lengths(points, offsets)
+        chords = np.linalg.norm(points[offsets[1:] - 1] - points[offsets[:-1]], axis=1)
         # A closed fibre has a huge ratio instead of infinity, a fibre without length has 1.
         floor = np.maximum(chords, np.finfo(np.float64).eps * lengths)
         ratio = np.divide(lengths, floor, out=np.ones_like(lengths), where=floor > 0)

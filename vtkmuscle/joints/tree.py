@@ -100,8 +100,7 @@ class Joint:
             result[:, :3, :3] = result[:, :3, :3] @ turns(axis.axis, axis.at(values, frames))
         for axis in self.translations:
             result[:, :3, 3] += axis.at(values, frames)[:, None] * axis.axis
-        placed: Floats = self.parent_frame @ result @ inverses(self.child_frame[None])[0]
-        return placed
+        return np.asarray(self.parent_frame @ result @ inverses(self.child_frame[None])[0])
 
 
 @dataclass(frozen=True, eq=False)

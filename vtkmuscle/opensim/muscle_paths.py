@@ -226,8 +226,7 @@ def powers(dimension: int, order: int) -> Ints:
 
 def terms(samples: Floats, order: int) -> Floats:
     """Return a polynomial's terms (f, m) at samples (f, d)."""
-    result: Floats = np.prod(samples[:, None, :] ** powers(samples.shape[1], order), axis=2)
-    return result
+    return np.asarray(np.prod(samples[:, None, :] ** powers(samples.shape[1], order), axis=2))
 
 
 def moment_arm(path: MusclePath, tree: KinematicTree, values: Values, coordinate: str) -> Floats:

@@ -132,9 +132,8 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
     if len(rim):
         triangles, n_turned = _consistent(triangles)
         if n_turned:
-            remarks.append(
-                f"{n_turned} of {len(triangles)} triangles faced the opposite side and were turned"
-            )
+            turned = f"{n_turned} of {len(triangles)} triangles"
+            remarks.append(f"{turned} faced the opposite side and were turned")
         rim = _excess(triangles)
         if len(rim):
             # Triangles lead from each hole's rim to the rim's centre.

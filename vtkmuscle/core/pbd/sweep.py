@@ -274,8 +274,7 @@ def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
     lengths = np.linalg.norm(difference, axis=1)
     along = np.abs(np.einsum("ij,ij->i", difference, directions))
     cosines = np.divide(along, lengths, out=np.zeros(len(edges)), where=lengths > 0)
-    stiffness: Floats = 1.0 - np.clip(cosines, 0.0, 1.0)
-    return stiffness
+    return np.asarray(1.0 - np.clip(cosines, 0.0, 1.0))
 
 
 def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) -> Floats:

@@ -102,8 +102,7 @@ class Skinning:
 
         The values (f n, ...) are at the points beside each point of a path.
         """
-        means: Floats = self._across @ (self._along @ values)
-        return means
+        return np.asarray(self._across @ (self._along @ values))
 
     def _weights_of(self, points: Floats, least: float) -> SkinningWeights:
         f, n = len(self._lengths), len(self._rest) // len(self._lengths)
@@ -205,8 +204,7 @@ def falling_weights(distances: Floats, least: float) -> Floats:
     # not matter. Rows of equal weights stay unchanged.
     less = values - values[:, -1:]
     values = np.where(less[:, :1] > SAME, less, values)
-    weights: Floats = values / values.sum(axis=1, keepdims=True)
-    return weights
+    return np.asarray(values / values.sum(axis=1, keepdims=True))
 
 
 def _places_beside(points: Floats, paths: Floats, near: Ints, count: int) -> tuple[Ints, Floats, Floats]:

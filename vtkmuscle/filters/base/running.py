@@ -61,11 +61,9 @@ def update(algorithm: Any, time: float | None = None, port: int = 0) -> Output:
         steps = times_of(info)
         request_time(info, steps[-1] if asked is None and steps else asked)
         if time is not None and steps and not steps[0] <= time <= steps[-1]:
-            span = (
-                f"{steps[0]:g} to {steps[-1]:g}: the nearest end of the motion is used; request a time within"
-            )
-            name = type(algorithm).__name__
-            warnings.warn(f"{name}: time {time:g} is outside of the motion, {span}", stacklevel=3)
+            words = f"time {time:g} is outside of the motion, {steps[0]:g} to {steps[-1]:g}: the nearest end"
+            remedy = "of the motion is used; request a time within"
+            warnings.warn(f"{type(algorithm).__name__}: {words} {remedy}", stacklevel=3)
         done = done and executive.Update(port)
         request_time(info, asked)
     finally:
