@@ -131,8 +131,6 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
         """Times of the frames up to the requested time; the requested time alone with a start."""
         return [self.request_time] if self.start is not None else super().path
 
-    # ---------------------------------------------------------------- one frame
-
     def execute(
         self,
         muscle: Surface,

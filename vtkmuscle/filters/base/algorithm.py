@@ -47,8 +47,6 @@ class Algorithm(VTKPythonAlgorithmBase):
         super().__init__(nInputPorts=len(self.input_ports), nOutputPorts=len(self.output_ports))
         self.GetExecutive().AddObserver("ErrorEvent", show_error)
 
-    # ---------------------------------------------------------------- to be defined by subclasses
-
     def execute(self, *inputs: Any) -> Any:
         """Compute the outputs from the inputs, in port order.
 
@@ -76,8 +74,6 @@ class Algorithm(VTKPythonAlgorithmBase):
         self._kept[name] = kept
         result: T = kept[1]
         return result
-
-    # ---------------------------------------------------------------- progress, and what went wrong
 
     def report_progress(self, fraction: float) -> None:
         """Report progress to observers, and stop after a request to abort.
@@ -115,8 +111,6 @@ class Algorithm(VTKPythonAlgorithmBase):
             data = connection.GetProducer().GetOutputDataObject(connection.GetIndex())
             if data is not None and not data.IsA(port.type_name):
                 raise TypeError(f"{owner}.{port.name} takes a {port.type_name}, got a {data.GetClassName()}")
-
-    # ---------------------------------------------------------------- requests
 
     def FillInputPortInformation(self, port: int, info: Any) -> int:
         """Tell VTK the kind of data on an input port."""

@@ -101,8 +101,6 @@ class Filter(Runnable, Algorithm):
                 problem = f"{type(self).__name__} has no parameter or input port {name!r}"
                 raise error(f"{problem}; {suggestion(name, declared)}")
 
-    # ---------------------------------------------------------------- parameters
-
     def parameters(self) -> dict[str, Any]:
         """Return the parameters; ``type(self)(**parameters)`` rebuilds the filter."""
         return dict(self._parameter_values)
@@ -127,8 +125,6 @@ class Filter(Runnable, Algorithm):
         return f"{type(self).__name__}({values})"
 
     __str__ = __repr__
-
-    # ---------------------------------------------------------------- connections
 
     def connect(self, port: str | int, value: Any) -> None:
         """Connect an input port; ``connect("muscle", mesh)`` is ``muscle = mesh``.
