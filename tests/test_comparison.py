@@ -90,4 +90,4 @@ def test_a_table_and_a_figure_are_written(tmp_path):
     low, high = arms.get_ylim()
     assert low <= 0.0
     assert high >= 36.0
-    assert (arms.get_xlabel(), arms.get_ylabel()) == ("knee angle [deg]", "moment arm, knee angle [mm]")
+    assert (arms.get_xlabel(), arms.get_ylabel()) == ("knee angle [degrees]", "moment arm, knee angle [mm]")

@@ -1,7 +1,9 @@
 """The figures of a run: drawn here or by other processes, and whatever happens to these."""
 
+import copy
 import json
 import os
+import re
 import shutil
 from dataclasses import replace
 
@@ -10,6 +12,7 @@ import pytest
 import pyvista as pv
 from PIL import Image
 from tiny_scene import write_tiny_scene
+from two_joint_scene import JOINTS, save_strap, scene_with
 
 from vtkmuscle import Scene
 from vtkmuscle.plotting import can_render, drawing
@@ -79,7 +82,7 @@ def test_figures_are_written_in_each_form_or_not_at_all(renders, scene, tmp_path
     assert b"<image" in written["spindle_frames"].read_bytes()
     for path in (tmp_path / "png").iterdir():
         assert pv.read(path).point_data.active_scalars.std() > 5.0, f"{path.name} is blank"
-    assert pv.read(tmp_path / "png/spindle_lengths.png").dimensions == (525, 345, 1)
+    assert pv.read(tmp_path / "png/spindle_lengths.png").dimensions == (531, 315, 1)
     assert pv.global_theme.to_dict() == theme
     for options, words in (({"form": "jpg"}, "png, pdf, svg"), ({"dpi": 0}, "20 to 2400")):
         with pytest.raises(ValueError, match=words):
@@ -88,6 +91,28 @@ def test_figures_are_written_in_each_form_or_not_at_all(renders, scene, tmp_path
     with pytest.raises(RuntimeError, match="there is no display card"):
         result.write_figures(tmp_path / "none")
     assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize("width", [85, 180])
+def test_figures_have_a_column_of_a_journal_and_letters_to_be_read(renders, scene, tmp_path, width):
+    for path in scene.run(frames="0:2", figures=False).write_figures(tmp_path, form="svg", width=width):
+        text = path.read_text()
+        points = float(re.search(r'width="([\d.]+)pt"', text)[1])
+        assert points == pytest.approx(width / 25.4 * 72.0, abs=0.5)
+        assert min(float(size) for size in re.findall(r"font(?:-size)?: ([\d.]+)px", text)) >= 7.0
+
+
+def test_several_coordinates_are_named_with_their_values(tmp_path):
+    joints = copy.deepcopy(JOINTS)
+    joints["hip"]["coordinates"] = ["hip_flexion_r"]
+    save_strap(tmp_path / "strap")
+    motion = {"grid": {"hip_flexion_r": [0, 20, 20], "lower": [0, 10, 10]}}
+    file = scene_with(tmp_path / "strap", tmp_path, joints=joints, motion=motion, deformer="none")
+    result = Scene.load(file).run(figures=False, sense=False)
+    frames, lengths, *_ = run_figures.figures_of_muscle(result.plain(), "strap")
+    assert frames.arguments["frames"][-1].label == "right hip flexion 20°, lower 0°"
+    assert lengths.arguments["time_label"] == "right hip flexion [degrees]\nlower [degrees]"
+    assert list(lengths.arguments["ticks"].values()) == ["0\n0", "0\n10", "20\n10", "20\n0"]
 
 
 @pytest.fixture

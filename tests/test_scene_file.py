@@ -298,7 +298,7 @@ FAULTS = [
         "nan is not allowed",
         "a finite number",
     ),
-    ("[solver]", '[fixing]\nmethod = "glue"\n[solver]', "fixing.method", "not allowed", "'proximity'"),
+    ("[solver]", '[fixing]\nmethod = "glue"\n[solver]', "fixing.method", "not allowed", "proximity"),
     ("[solver]", "fixing = { dist = 1 }\n[solver]", MUSCLE + ".fixing.dist", "no such key", "'distance'"),
 ]
 
@@ -360,7 +360,7 @@ def test_faults_outside_the_keys_name_the_file(tmp_path, scene_file):
     assert "not valid TOML" in str(failure(scene_file))
     assert "line 8" in str(failure(scene_file))
     assert "no such file" in str(failure(tmp_path / "no.toml"))
-    assert f"give its scene file, e.g. {tmp_path / 'scene.toml'}" in str(failure(tmp_path))
+    assert f"give a scene file, e.g. {tmp_path / 'scene.toml'}" in str(failure(tmp_path))
     (tmp_path / "latin.toml").write_bytes('name = "hüfte"'.encode("latin-1"))
     assert "save it as UTF-8" in str(failure(tmp_path / "latin.toml"))
 

@@ -14,7 +14,7 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
-from vtkmuscle.io.literature import LiteratureCurve, curves_for, read_literature, side_apart
+from vtkmuscle.io.literature import LiteratureCurve, curves_for, in_words, read_literature, side_apart
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.table import Table
 
@@ -192,15 +192,14 @@ def _named(results: Sequence[Result | str | PathLike[str]]) -> dict[str, Result]
 
 def curves_of(result: Result, muscle: str) -> list[Curve]:
     """Return the curves of a muscle of a run: lengths of paths and fibres, and moment arms."""
-    name, bracket, unit = result.time_label.partition(" [")  # ``hip flexion r [deg]``, without the side
-    curves, over = [], side_apart(name.replace(" ", "_")).replace("_", " ")
+    curves, over = [], result.time_label.removeprefix("right ").removeprefix("left ")
     for quantity, lengths in ((_LENGTH, result.lengths), ("fibre length", result.fibre_lengths)):
         if muscle in lengths:
             times = np.asarray(result.times[: len(lengths[muscle])], dtype=np.float64)
-            curves.append(_curve((quantity, f"{over}{bracket}{unit}", "mm"), times, lengths[muscle]))
+            curves.append(_curve((quantity, over, "mm"), times, lengths[muscle]))
     for name, joint in result.all_arms.get(muscle, {}).items():
-        label, unit = side_apart(name).replace("_", " "), "mm" if joint.unit in ANGLES else "1"
-        labels = f"moment arm, {label}", f"{label} [{joint.unit}]", unit
+        coordinate, unit = side_apart(name), "mm" if joint.unit in ANGLES else "1"
+        labels = f"moment arm, {in_words(coordinate)}", in_words(coordinate, joint.unit), unit
         curves.append(_curve(labels, joint.values, joint.arms))
     return curves
 

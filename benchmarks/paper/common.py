@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -47,6 +48,15 @@ EQUAL, FINE = 64**3, 8 * 64**3
 NAIVE = data_folder().parents[1] / "tools" / "naive.py"
 #: A frame of hip flexion, in the paper and here [degrees].
 STEP = 2.0
+
+
+def curves(title: str, abscissa: str, ordinate: str) -> tuple[Figure, Axes]:
+    """Return a figure and axes for curves."""
+    figure = Figure(figsize=(7.0, 4.6), dpi=150, facecolor="white", layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    axes.set(title=title, xlabel=abscissa, ylabel=ordinate)
+    return figure, axes
 
 
 @dataclass

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from common import LEFT, MODELS, Case, Table, angles_up_to, main, value
-
-from vtkmuscle.plotting.sheets import curves
+from common import LEFT, MODELS, Case, Table, angles_up_to, curves, main, value
 
 ITERATIONS = 3
 

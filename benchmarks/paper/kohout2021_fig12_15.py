@@ -16,7 +16,20 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from common import LEFT, PATHS, PRINTED, STABLE, STEP, Case, Floats, Table, angles_up_to, data_folder, main
+from common import (
+    LEFT,
+    PATHS,
+    PRINTED,
+    STABLE,
+    STEP,
+    Case,
+    Floats,
+    Table,
+    angles_up_to,
+    curves,
+    data_folder,
+    main,
+)
 
 from vtkmuscle import RigidMotion
 from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
@@ -24,7 +37,6 @@ from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.blending import blend_fibres
 from vtkmuscle.data.arrays import checked_surface, polylines_of
 from vtkmuscle.io import read_motion_table
-from vtkmuscle.plotting.sheets import curves
 
 #: What is compared: a title, a model, and settings of its deformer.
 COMPARED: tuple[tuple[str, str, dict[str, Any]], ...] = (

@@ -16,14 +16,13 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-from common import PRINTED, STEP, Case, Floats, Table, angles_up_to, main, value
+from common import PRINTED, STEP, Case, Floats, Table, angles_up_to, curves, main, value
 from published_loop import run
 
 from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology
 from vtkmuscle.core.pbd import solver
 from vtkmuscle.core.pbd.sweep import edge_stiffness, fibre_directions_at
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, polylines_of
-from vtkmuscle.plotting.sheets import curves
 
 #: Iterations, counted from 0: the tenth is 9.
 SHOWN = (0, 1, 2, 4, 9, 24, 49, 99)

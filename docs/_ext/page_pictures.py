@@ -15,7 +15,10 @@ from vtkmuscle.plotting import can_render
 
 log = logging.getLogger(__name__)
 #: Pages whose code draws their pictures, into pictures/NAME.
-PAGES = ["start/first_scene.rst", "how_to/labels.rst"]
+PAGES = [
+    "start/first_scene.rst",
+    *(f"how_to/{page}.rst" for page in ("labels", "slicer", "model_and_mri", "critical")),
+]
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 #: WebGL without a graphics card; the page's clock runs on until it has drawn all.
 FLAGS = [

@@ -38,20 +38,23 @@ def nearest_ends(fibres):
     return np.sort(gaps, axis=1)[:, 1].mean()
 
 
-for stage, fibres in (("morphed", morphed), ("trimmed", trimmed), ("smoothed", smoothed)):
+stages = {"morphed": morphed, "trimmed": trimmed, "smoothed": smoothed}
+for stage, fibres in stages.items():
     length = fibre_summary(FibreMetrics()(fibres))["Length"]
     print(f"{stage:8s} {length['mean']:.1f} mm long, sd {length['sd']:.1f}", end="")
     print(f"; ends {nearest_ends(fibres):.2f} mm apart")
 
 # %%
 # Morphed, trimmed and smoothed fibres.
-plotter = pv.Plotter(shape=(1, 3), border=False)
-for column, fibres in enumerate((morphed, trimmed, smoothed)):
+plotter = pv.Plotter(shape=(1, 3), window_size=(1400, 560), border=False)
+for column, (stage, fibres) in enumerate(stages.items()):
     plotter.subplot(0, column)
-    measured = FibreMetrics()(fibres, muscle)
-    tubes = FibreTubes(radius=1.5)(measured)
-    plotter.add_mesh(pv.wrap(tubes), scalars="Length", smooth_shading=True, show_scalar_bar=column == 1)
-    plotter.add_mesh(pv.wrap(muscle), color="darkred", opacity=0.15)
+    tubes = FibreTubes(radius=1.5).apply(FibreMetrics()(fibres, muscle))
+    bar = {"title": "length [mm]", "fmt": "%.0f", "n_labels": 3, "position_y": 0.01}
+    plotter.add_mesh(tubes, scalars="Length", show_scalar_bar=column == 1, scalar_bar_args=bar)
+    plotter.add_mesh(pv.wrap(muscle), color="darkred", opacity=0.15, smooth_shading=True)
+    plotter.add_text(stage, position=(10, 520), font_size=12)
 plotter.link_views()
-plotter.view_yz()
+plotter.view_vector((-1, 0.2, 0.1), viewup=(0, 0, 1))
+plotter.camera.zoom(1.15)
 plotter.show()

@@ -50,7 +50,7 @@ for column in range(3):
     for bone in bones.apply(time=60.0):
         plotter.add_mesh(bone, color="ivory", smooth_shading=True, split_sharp_edges=True)
     if column == 1:
-        bar = {"title": "mm to where it settles", "fmt": "%.1f"}
+        bar = {"title": "settles by [mm]", "fmt": "%.1f", "n_labels": 3, "title_font_size": 18}
         plotter.add_mesh(carried, scalars=moved, cmap="viridis", smooth_shading=True, scalar_bar_args=bar)
     else:
         mesh, colour = (settled, "indianred") if column else (paths.tube(radius=0.5), "darkred")

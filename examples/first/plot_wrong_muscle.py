@@ -16,7 +16,7 @@ from vtkmuscle import Scene, phantoms
 scene = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=20)
 hasty = replace(scene, deformer="pbd", quality="published", solver={"iterations": 1})
 runs = {"as it should be": scene.run(), "one iteration": hasty.run()}
-plotter = pv.Plotter(shape=(1, 2))
+plotter = pv.Plotter(shape=(1, 2), window_size=(1000, 650), border=False)
 for column, (name, result) in enumerate(runs.items()):
     one = result["spindle"]
     print(f"{name}: {one.verdict}", *one.reasons, sep="\n  ")
@@ -26,7 +26,7 @@ for column, (name, result) in enumerate(runs.items()):
     muscle["stretch"] = 100.0 * (np.sqrt(sizes[0] / sizes[1]) - 1.0)
     plotter.subplot(0, column)
     plotter.add_mesh(result.bones(frame=frame), color="ivory")
-    bar = {"title": "stretch of the surface [%]"}
+    bar = {"title": "stretch of the surface [%]", "fmt": "%.0f", "n_labels": 3, "title_font_size": 16}
     plotter.add_mesh(muscle, scalars="stretch", cmap="coolwarm", clim=(-60, 60), scalar_bar_args=bar)
     plotter.add_text(name, font_size=10)
     plotter.view_yz()

@@ -39,19 +39,22 @@ scene_file.write_text(tomli_w.dumps(tomllib.loads(scene_file.read_text()) | tabl
 result = Scene.load(scene_file).run()
 
 # %%
-# The leg in mid-stance, at toe-off, in swing and at heel strike, and the change of each muscle's length.
-plotter = pv.Plotter(shape=(1, 4), window_size=(1200, 500), border=False)
+# The leg in mid-stance, at toe-off, in swing and at heel strike, stretched muscles in red; and all lengths.
+plotter = pv.Plotter(shape=(1, 4), window_size=(1200, 640), border=False)
 for panel, frame in enumerate((0, 15, 22, 30)):
     plotter.subplot(0, panel)
-    plotter.add_mesh(result.bones(frame=frame), color="ivory")
+    plotter.add_mesh(result.bones(frame=frame), color="ivory", smooth_shading=True)
     for name in result.muscle_names:
-        plotter.add_mesh(result.fibres(name, frame=frame), color="firebrick", line_width=3)
+        fibres, colours = result.fibres(name, frame=frame), {"cmap": "coolwarm", "clim": (-0.1, 0.1)}
+        plotter.add_mesh(fibres, scalars="Strain", line_width=5, show_scalar_bar=False, **colours)
     plotter.view_vector((-1, -0.3, 0), viewup=(0, 0, 1))
-    plotter.camera.zoom(1.5)
+    plotter.camera.zoom(1.7)
 plotter.show()
 _, axes = plt.subplots(figsize=(8, 4), layout="constrained")
 for name, lengths in result.lengths.items():
-    axes.plot(100.0 * cycle, 100.0 * (lengths.mean(axis=1) / lengths[0].mean() - 1.0), label=name)
+    axes.plot(
+        100.0 * cycle, 100.0 * (lengths.mean(axis=1) / lengths[0].mean() - 1.0), label=name.replace("_", " ")
+    )
 axes.set(xlabel="gait cycle from mid-stance [%]", ylabel="change of length [%]")
 axes.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1, 0.5))
 plt.show()

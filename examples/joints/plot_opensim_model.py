@@ -40,7 +40,8 @@ model, poses = read_osim(folder / "enriched.osim"), {"hip_flexion": angles, "kne
 path, names = model.muscle("rectus_femoris").path, ("hip_flexion", "knee_flexion")
 _, axes = plt.subplots(figsize=(7, 4), layout="constrained")
 for name in names:
-    axes.plot(np.degrees(angles), 1000.0 * moment_arm(path, model.tree, poses, name), label=name)
+    arms = 1000.0 * moment_arm(path, model.tree, poses, name)
+    axes.plot(np.degrees(angles), arms, label=name.replace("_", " "))
 with suppress(ModuleNotFoundError):
     import opensim
 

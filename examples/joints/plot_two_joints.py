@@ -53,6 +53,6 @@ for panel, name in zip(axes, arms, strict=True):
     again = 1000.0 * moment_arm(model.muscle("rectus_femoris").path, model.tree, values, name)
     panel.plot(arms[name].values, arms[name].mean, "o", color="darkred", label="run, mean of the fibres")
     panel.plot(result.motion.coordinates[name].values, again, "k.", label="model of OpenSim")
-    panel.set(xlabel=f"{name} [deg]", ylabel="moment arm, -dl/dq [mm]")
+    panel.set(xlabel=f"{name.replace('_', ' ')} [degrees]", ylabel="moment arm [mm]")
 axes[0].legend(frameon=False)
 plt.show()

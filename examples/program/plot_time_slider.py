@@ -23,7 +23,14 @@ surface.SetInputConnection(bones.GetOutputPort())
 
 plotter = pv.Plotter(window_size=(700, 800))
 plotter.add_mesh(muscle, color="darkred", smooth_shading=True)
-plotter.add_mesh(surface, color="ivory", smooth_shading=True)
+plotter.add_mesh(surface, color="ivory", smooth_shading=True, split_sharp_edges=True)
 plotter.view_vector((1.0, -0.6, 0.1), viewup=(0, 0, 1))
-slider = add_time_slider(plotter, phantom.motion.times, title="degrees of flexion", value=30.0)
+slider = add_time_slider(
+    plotter,
+    phantom.motion.times,
+    title="degrees of flexion",
+    value=30.0,
+    pointa=(0.2, 0.1),
+    pointb=(0.8, 0.1),
+)
 plotter.show()

@@ -35,8 +35,13 @@ def test_every_format_gives_landmarks_and_closedness(suffix, closed, tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("a.csv", "x,y,z\n1,2,3\n1,two,3\n", "a.csv: line 3 does not begin with three numbers"),
-        ("a.csv", "x,y,z\nu,v,w\n1,2,3\n", "line 2 does not begin"),
+        ("a.csv", "x,y,z\n1,2,3\n1,two,3\n", "a.csv: line 3, '1,two,3', does not begin with three numbers"),
+        ("a.csv", "x,y,z\nu,v,w\n1,2,3\n", "line 2, 'u,v,w', does not begin"),
+        (
+            "a.csv",
+            "x;y;z\n1,5;2;3\n",
+            "line 2, '1,5;2;3', .*; separate numbers by commas, and write decimals",
+        ),
         ("a.csv", "1,2\n", "line 1 has fewer than three numbers"),
         ("a.csv", "x,y,z\n", "has no landmarks"),
         ("a.csv", "1,2,nan\n", "landmark 0 has a coordinate that is not finite"),
@@ -44,7 +49,7 @@ def test_every_format_gives_landmarks_and_closedness(suffix, closed, tmp_path):
         ("a.json", "[1, 2, 3]", "must hold a list of"),
         ("a.json", "[]", "must hold a list of"),
         ("a.json", '[["a", "b", "c"]]', "not a JSON list"),
-        ("a.txt", "1 2 3", "not from '.txt'"),
+        ("a.txt", "1 2 3", "not '.txt'; save it as .csv"),
     ],
 )
 def test_what_cannot_be_read_is_named(name, text, message, tmp_path):

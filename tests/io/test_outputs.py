@@ -8,11 +8,13 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
+from vtkmuscle import Scene
 from vtkmuscle.cli import BAD_INPUT, app
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.io import write_polydata, write_text
 from vtkmuscle.io.writing import LOCK, RECORD, Outputs
 from vtkmuscle.phantoms import hip
+from vtkmuscle.scene.writing import write_areas
 
 
 def write(folder, **files):
@@ -128,8 +130,8 @@ def test_init_keeps_landmarks_and_a_corrected_scene(tmp_path):
     for name, surface in surfaces.items():
         write_polydata(tmp_path / f"{name}.vtp", surface)
     (tmp_path / "attachments").mkdir()
-    landmarks = tmp_path / "attachments/iliacus_origin_0.vtp"
-    write_polydata(landmarks, dict(blocks_of(phantom.attachments["iliacus"]))["origin_0"])
+    landmarks = tmp_path / "attachments/iliacus_origin_0.mrk.json"
+    write_areas(tmp_path, "iliacus", Scene.from_phantom(phantom).muscles["iliacus"].attachments[:1])
     meshes = [tmp_path / f"{name}.vtp" for name in surfaces]
     before = contents(tmp_path)
     for insist in ((), ("--overwrite",)):

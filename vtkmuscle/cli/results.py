@@ -170,6 +170,7 @@ def figures(
     out: Annotated[Path | None, shared.out_option("PATH", "Default: figures in that folder.")] = None,
     form: Annotated[str, Option(metavar="png|pdf|svg", help="Of the files.")] = "png",
     dpi: Annotated[float, Option(help="Pixels per inch of pictures.")] = 300.0,
+    width: Annotated[float, Option(help="Width on paper, in mm: 85 for a column, 180 for two.")] = 180.0,
     literature: shared.LiteratureOption = None,
     overwrite: shared.OverwriteOption = False,
 ) -> None:
@@ -181,7 +182,7 @@ def figures(
     ours = [results / "figures" / name for name in drawn.get("written", ())]
     folder = out or results / "figures"
     with Outputs(folder, inputs=filter(None, [results, literature]), overwrite=overwrite, ours=ours):
-        files = _loaded(results, literature).write_figures(folder, form=form, dpi=dpi)
+        files = _loaded(results, literature).write_figures(folder, form=form, dpi=dpi, width=width)
     typer.echo(f"wrote {len(files)} figures to {files[0].parent}")
 
 

@@ -14,6 +14,19 @@ _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = 8
 _SHORT.maxlevel = 3
 #: Most words that a suggestion lists: a few lines of a terminal.
 _MOST = 20
+#: What to write for names that other packages have.
+_ELSEWHERE = {
+    "fibers": "fibres",
+    "n_frames": "len(frames)",
+    "coordinates": "motion.coordinates",
+    "table": "frame_table(), architecture() or tables()",
+    "to_pandas": "to_frame()",
+    "plot_moment_arms": "write_figures(folder)",
+    "pcsa": "architecture['pcsa_mm2']",
+    "pennation": "architecture['fascicle_pennation_origin_deg']",
+    "replace": "with_settings(...)",
+    **{verb: f"vtkmuscle.{verb}" for verb in ("init", "export", "compare", "cohort", "vary", "tradeoff")},
+}
 
 
 def quoted(value: object) -> str:
@@ -46,7 +59,8 @@ class Remedies:
         if name.startswith("_"):  # protocols of Python ask, and need no remedy
             raise AttributeError(problem)
         public = {word for word in (*dir(type(self)), *vars(self)) if not word.startswith("_")}
-        raise AttributeError(f"{problem}; {suggestion(name, sorted(public))}")
+        known = f"write {_ELSEWHERE[name]}" if name in _ELSEWHERE else suggestion(name, sorted(public))
+        raise AttributeError(f"{problem}; {known}")
 
 
 class ByName(Remedies):

@@ -25,7 +25,7 @@ from vtkmuscle.io.surfaces import FORMATS, SURFACE_SUFFIXES, read_polydata
 FRAMES = ("LPS", "RAS")
 _FCSV_COLUMNS = ["id", "x", "y", "z", "ow", "ox", "oy", "oz", "vis", "sel", "lock", "label"]
 _AS_SLICER = "save it again with 3D Slicer"
-_DECIMAL = "if numbers have a decimal comma, write a point instead"
+_DECIMAL = "separate numbers by commas, and write decimals with a point"
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,7 @@ def read_named_points(path: str | PathLike[str]) -> NamedPoints:
     readers = {".csv": _from_csv, ".json": _from_json, ".fcsv": _from_fcsv, ".nrrd": _from_nrrd}
     if path.suffix.lower() not in readers:
         allowed = ", ".join([".vtp", ".vtk", *readers])
-        raise InputError(path, f"landmarks are read from {allowed} files, not from {path.suffix!r}")
+        raise InputError(path, f"landmarks are read from {allowed}, not {path.suffix!r}", "save it as .csv")
     check_is_file(path, most=MOST_TEXT)
     named = readers[path.suffix.lower()](path)
     finite = np.isfinite(named.points).all(axis=1)
@@ -144,8 +144,8 @@ def _from_csv(path: Path) -> NamedPoints:
         try:
             rows.append([float(cells[i]) for i in at if i < len(cells)])
         except ValueError:
-            problem = f"line {number} does not begin with three numbers x, y, z"
-            raise InputError(path, problem, "correct it") from None
+            problem = f"line {number}, {quoted(','.join(cells))}, does not begin with three numbers x, y, z"
+            raise InputError(path, problem, _DECIMAL) from None
         if len(rows[-1]) < 3:
             raise InputError(path, f"line {number} has fewer than three numbers", "give x, y, z")
         if len(cells) != len(lines[0][1]):

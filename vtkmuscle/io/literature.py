@@ -146,3 +146,10 @@ def _band(curve: LiteratureCurve) -> tuple[str, str]:
 def side_apart(name: str) -> str:
     """Return a name without its side: ``iliacus`` for ``iliacus_r``."""
     return name[:-2] if name[-2:].casefold() in ("_r", "_l") else name
+
+
+def in_words(name: str, unit: str = "") -> str:
+    """Return a name for readers: ``right hip flexion [degrees]`` for ``hip_flexion_r``."""
+    side = "" if side_apart(name) == name else {"r": "right ", "l": "left "}[name[-1].casefold()]
+    in_brackets = {"deg": " [degrees]", "rad": " [radians]", "": ""}.get(unit, f" [{unit}]")
+    return side + side_apart(name).replace("_", " ") + in_brackets

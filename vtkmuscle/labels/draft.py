@@ -164,7 +164,7 @@ class Draft:
             areas = self.areas.get(name, [])
             areas = [replace(area, landmarks=scale * np.asarray(area.landmarks)) for area in areas]
             surface = {"surface": written(f"muscles/{name}.vtp", muscle)}
-            tables = {"attachments": write_areas(out, name, areas)} if areas else {}
+            tables = {"attachments": write_areas(out, name, areas, self.frame)} if areas else {}
             add(f"muscles.{name}", surface | tables | {"fibres": FIBRES})
         for name, muscle in self.loose.items():
             written(f"muscles/{name}.vtp", muscle)

@@ -106,15 +106,15 @@ class FigureOrder:
     rendered: bool = False
 
     def write(
-        self, folder: Path, bones: DrawnBones, studio: Studio, form: str = "png", dpi: float = 150.0
+        self, folder: Path, bones: DrawnBones, studio: Studio, form: str = "png", **options: float
     ) -> Path:
-        """Draw the figure into a folder; return the file."""
-        from vtkmuscle.plotting.sheets import save_figure  # noqa: PLC0415 -- loads matplotlib
+        """Draw the figure into a folder, of a ``width`` and ``dpi``; return the file."""
+        from vtkmuscle.plotting.sheets import DOTS_PER_INCH, WIDTH, save_figure  # noqa: PLC0415 -- loads matplotlib
 
         scene = {"bones": bones, "studio": studio} if self.rendered else {}
-        path = folder / f"{self.name}.{form}"
-        figure = getattr(vtkmuscle.plotting, self.plot)(**self.arguments, **scene)
-        save_figure(figure, path, form, dpi)
+        path, width = folder / f"{self.name}.{form}", options.get("width", WIDTH)
+        figure = getattr(vtkmuscle.plotting, self.plot)(**self.arguments, **scene, width=width)
+        save_figure(figure, path, form, options.get("dpi", DOTS_PER_INCH))
         return path
 
 

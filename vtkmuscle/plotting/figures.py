@@ -6,9 +6,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import zip_longest
+from textwrap import fill
 from typing import Any
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
@@ -23,7 +25,7 @@ from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn
+from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn, in_words
 from vtkmuscle.plotting import sheets, views
 from vtkmuscle.plotting.drawing import MuscleFrame
 from vtkmuscle.plotting.studio import Studio, actors_of, fixed_bones, position_colours, strain_colours
@@ -36,6 +38,7 @@ def plot_rest_pose(
     *,
     title: str = "",
     units: str = "mm",
+    width: float = sheets.WIDTH,
 ) -> Figure:
     """Return a picture of muscles and fixed points at rest.
 
@@ -49,6 +52,8 @@ def plot_rest_pose(
         Renders the pictures.
     title, units : str, optional
         Title, and unit of the scale bars.
+    width : float, optional
+        Of the figure on paper [mm].
 
     Returns
     -------
@@ -56,26 +61,28 @@ def plot_rest_pose(
         For ``savefig``.
     """
     hiding = bones.spread()
-    panels = []
+    shown = {in_words(name): [muscle] for name, muscle in muscles.items()}
     if len(muscles) > 1:
-        overview = views.clearest_view(list(muscles.values()), [hiding] * len(muscles))
-        actors = actors_of(list(muscles.values()), overview)
-        panels.append(sheets.Panel(studio.picture(actors, overview, bones=bones), "all muscles", overview))
-    for name, muscle in muscles.items():
-        view = views.clearest_view([muscle], [hiding])
-        image = _with_fixed_points(bones, muscle, view, studio)
-        panels.append(sheets.Panel(image, name.replace("_", " "), view))
+        shown = {"all muscles": list(muscles.values()), **shown}
+    panels = []
+    seen = [views.clearest_view(parts, [hiding] * len(parts)) for parts in shown.values()]
+    for (name, parts), view in zip(shown.items(), sheets.fitted(seen, width), strict=True):
+        if len(parts) > 1:
+            image = studio.picture(actors_of(parts, view), view, bones=bones)
+        else:
+            image = _with_fixed_points(bones, parts[0], view, studio)
+        panels.append(sheets.Panel(image, name, view))
     fixed_to = np.concatenate([fixed_bones(muscle) for muscle in muscles.values()])
     handles, labels = [], []
     for i, name in enumerate(bones.by_name):
         if count := np.count_nonzero(fixed_to == i):
             colour = views.PALETTE[i % len(views.PALETTE)]
-            handles.append(Line2D([], [], linestyle="", marker="o", markersize=9, color=colour))
+            handles.append(Line2D([], [], linestyle="", marker="o", markersize=5, color=colour))
             labels.append(f"fixed to {name} ({count} points)")
-    figure = sheets.sheet(panels, title, units, legend=labels)
-    columns = sheets.legend_columns(figure.get_figwidth(), labels)
-    look = {"frameon": False, "fontsize": sheets.LEGEND_FONT}
-    figure.legend(handles, labels, loc="lower center", ncols=columns, **look)
+    columns = sheets.legend_columns(width / sheets.INCH, labels)
+    legend_high = 1.8 * rcParams["font.size"] / 72.0 * math.ceil(len(labels) / columns)
+    figure = sheets.sheet(panels, title, units, width, bottom=0.2 + legend_high)
+    figure.legend(handles, labels, loc="lower center", ncols=columns, frameon=False)
     return figure
 
 
@@ -87,6 +94,7 @@ def plot_muscle(
     rest_fibres: vtkPolyData | None = None,
     title: str = "",
     units: str = "mm",
+    width: float = sheets.WIDTH,
 ) -> Figure:
     """Return a picture of a muscle in several frames.
 
@@ -100,7 +108,7 @@ def plot_muscle(
         Renders the pictures.
     rest_fibres : vtkPolyData, optional
         Fibres at rest; colour then shows the change of length since rest.
-    title, units : str, optional
+    title, units, width : optional
         As in :func:`plot_rest_pose`.
 
     Returns
@@ -110,6 +118,7 @@ def plot_muscle(
     """
     hiding = [bones.spread(frame.transforms) for frame in frames]
     view = views.clearest_view([frame.muscle for frame in frames], hiding)
+    (view, *_) = sheets.fitted([view] * len(frames), width)
     strains: list[Floats] = []
     limit = 1.0
     if rest_fibres is not None:
@@ -123,12 +132,12 @@ def plot_muscle(
         actors = actors_of([frame.muscle], view, fibres=frame.fibres, colours=colours, finer=studio.finer)
         image = studio.picture(actors, view, bones=bones, transforms=frame.transforms)
         panels.append(sheets.Panel(image, frame.label, view))
-    figure = sheets.sheet(panels, title, units)
+    figure = sheets.sheet(panels, title, units, width, bottom=0.55)
     if strains:
-        bar = figure.add_axes((0.35, 0.45 / figure.get_figheight(), 0.3, 0.12 / figure.get_figheight()))
+        bar = figure.add_axes((0.3, 0.24 / figure.get_figheight(), 0.4, 0.08 / figure.get_figheight()))
         scale = ScalarMappable(Normalize(-limit, limit), views.FIBRE_MAP)
         figure.colorbar(scale, cax=bar, orientation="horizontal", extend="both")
-        bar.set_title("change of fibre length since rest [%]", fontsize=10)
+        bar.set_title("change of fibre length since rest [%]", fontsize="medium", pad=3.0)
     return figure
 
 
@@ -139,7 +148,8 @@ def plot_lengths(
     of: str = "path",
     title: str = "",
     time_label: str = "time",
-    units: str = "mm",
+    ticks: Mapping[float, str] | None = None,
+    width: float = sheets.WIDTH,
 ) -> Figure:
     """Return curves of path or fibre lengths over time.
 
@@ -148,11 +158,15 @@ def plot_lengths(
     times : (k,) array_like
         Pipeline times.
     lengths : (k, n) array_like
-        Lengths of n paths or fibres.
+        Lengths of n paths or fibres [mm].
     of : str, optional
         ``"path"`` or ``"fibre"``.
-    title, time_label, units : str, optional
-        Title, and labels of the axes.
+    title, time_label : str, optional
+        Title, and label of the times.
+    ticks : mapping of float to str, optional
+        Words for times, such as the values of several coordinates.
+    width : float, optional
+        Of the figure on paper [mm].
 
     Returns
     -------
@@ -160,18 +174,21 @@ def plot_lengths(
         For ``savefig``.
     """
     values = np.asarray(lengths, dtype=np.float64)
-    figure = sheets.blank_figure(7.0, 4.6)
-    axes = figure.add_axes((0.12, 0.115, 0.86, 0.805))
-    axes.set_title(title, y=1.0)
-    axes.set(xlabel=time_label, ylabel=f"{of} length [{units}]")
+    figure = sheets.blank_figure(width / sheets.INCH, min(0.75 * width / sheets.INCH, 4.2))
+    figure.set_layout_engine("constrained")
+    figure.suptitle(title, fontsize="large")
+    axes = figure.subplots()
+    axes.set(xlabel=time_label, ylabel=f"{of} length [mm]")
     axes.spines[["top", "right"]].set_visible(False)
+    if ticks:
+        axes.set_xticks(list(ticks), list(ticks.values()))
     marker = "o" if len(values) == 1 else ""
     look: dict[str, Any] = {"color": views.MUSCLE_RED, "linewidth": 0.7}
     axes.add_collection(_lines(np.asarray(times), values, colors=views.MUSCLE_RED, alpha=0.25))
     if marker:
         axes.plot(times, values, alpha=0.25, marker=marker, markersize=3, **look)
     axes.plot([], [], alpha=0.5, label=f"{values.shape[1]} {of}s", **look)
-    axes.plot(times, values.mean(axis=1), color="black", linewidth=2.2, marker=marker, label="mean")
+    axes.plot(times, values.mean(axis=1), color="black", linewidth=1.5, marker=marker, label="mean")
     axes.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     return figure
 
@@ -199,8 +216,8 @@ def _lengths(fibres: vtkPolyData) -> Floats:
     return polyline_lengths(lines.points, lines.offsets)
 
 
-#: Height of the panels, and of the picture next to the panels [inches].
-_HEIGHT, _PICTURE = 4.8, 4.0
+#: Height of the curves of a coordinate, and of the picture of the muscle, at most [inches].
+_HEIGHT, _PICTURE = 2.4, 2.1
 
 
 def plot_moment_arms(
@@ -211,6 +228,7 @@ def plot_moment_arms(
     rest: MuscleFrame | None = None,
     literature: Sequence[LiteratureCurve] = (),
     units: str = "mm",
+    width: float = sheets.WIDTH,
 ) -> Figure:
     """Return curves of a muscle's moment arms by coordinate.
 
@@ -231,44 +249,52 @@ def plot_moment_arms(
         Published moment arms of the muscle, by coordinates of the same names.
     units : str, optional
         Unit of the scale bar.
+    width : float, optional
+        Of the figure on paper [mm]. The picture is beside the curves, or above them where they are narrow.
 
     Returns
     -------
     matplotlib.figure.Figure
         For ``savefig``.
     """
-    panel = None
+    panel, wide, beside = None, width / sheets.INCH, width > 0.6 * sheets.WIDTH
     positions = None if rest is None or rest.fibres is None else positions_across(rest.fibres)
     if rest is not None and positions is not None and bones is not None and studio is not None:
         view = views.clearest_view([rest.muscle], [bones.spread()])
-        view = replace(view, area=view.aspect * (_PICTURE * sheets.DOTS_PER_INCH) ** 2)  # pixel for pixel
+        across = min(_PICTURE * view.aspect, (0.33 if beside else 0.9) * wide)
+        view = replace(view, area=(across * sheets.DOTS_PER_INCH) ** 2 / view.aspect)  # pixel for pixel
         colours = position_colours(positions)
         actors = actors_of([rest.muscle], view, fibres=rest.fibres, colours=colours, finer=studio.finer)
         panel = sheets.Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
-    left = 0.0 if panel is None else _PICTURE * panel.view.aspect + 0.5
-    width = 9.0 * len(arms) + left
-    figure = sheets.blank_figure(width, _HEIGHT)
-    if rest is not None and rest.label:
-        figure.suptitle(rest.label)
+    left, above = (0.0, 0.0) if panel is None else (panel.inches[0] + 0.1, panel.inches[1] + 0.25)
+    left, above = (left, 0.0) if beside else (0.0, above)
+    curves_high, title = _HEIGHT * len(arms), rest.label if rest is not None else ""
+    height = curves_high + above + (0.25 if title else 0.0)
+    figure = sheets.blank_figure(wide, height)
+    figure.set_layout_engine("constrained", rect=(left / wide, 0.0, 1.0 - left / wide, curves_high / height))
+    figure.text(0.5, 1.0 - 0.15 / height, title, ha="center", va="center", fontsize="large")
     if panel is not None:
-        panel.add_to(figure, (0.25, 0.3), units)
-    for number, (name, joint_arms) in enumerate(arms.items()):
-        axes = figure.add_axes(((left + 9.0 * number) / width, 0.12, 9.0 / width, 0.79))
+        corner = (
+            (0.05, curves_high - panel.inches[1] - 0.05)
+            if beside
+            else ((wide - panel.inches[0]) / 2.0, curves_high + 0.02)
+        )
+        panel.add_to(figure, corner, units)
+    for axes, (name, joint_arms) in zip(
+        figure.subplots(len(arms), squeeze=False)[:, 0], arms.items(), strict=True
+    ):
         _draw_arms(axes, joint_arms, positions)
         unit = ANGLES.get(joint_arms.unit)
         if unit is not None:
             draw_literature(axes, curves_for(literature, coordinate=name), math.pi / 180.0 / unit)
-        axes.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
+        axes.axhline(0.0, color="0.7", linewidth=0.6, zorder=0)
         axes.spines[["top", "right"]].set_visible(False)
         positive = f", positive: {joint_arms.positive}" if joint_arms.positive else ""
-        axes.set_xlabel(f"{name.replace('_', ' ')} [{joint_arms.unit}]{positive}")
+        label, room = in_words(name, joint_arms.unit) + positive, wide - left - 0.5
+        axes.set_xlabel(fill(label, sheets.letters_in(room), break_on_hyphens=False))
         axes.set_ylabel("moment arm [mm]" if unit is not None else "moment arm [1]")
-        legend = axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
-        # The legend is next to the curves, which get the rest of the panel.
-        box = axes.get_position()
-        taken = min(legend.get_window_extent().width / figure.bbox.width + 0.01, 0.6 * box.width)
-        box.x0, box.x1 = box.x0 + 0.08 * box.width, box.x1 - taken
-        axes.set_position(box)
+        columns = sheets.legend_columns(room, axes.get_legend_handles_labels()[1])
+        axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns)
     return figure
 
 
@@ -294,7 +320,7 @@ def _draw_arms(axes: Axes, joint_arms: JointArms, positions: Floats | None) -> N
     colour = views.MUSCLE_RED if positions is None else "#2a788e"
     axes.add_collection(_lines(values, arms, alpha=0.6, **{"colors": colour} if positions is None else look))
     axes.plot([], [], color=colour, linewidth=0.9, label=f"{arms.shape[1]} paths")
-    axes.plot(values, mean, color="black", linewidth=2.0, label="mean")
+    axes.plot(values, mean, color="black", linewidth=1.5, label="mean")
     if joint_arms.quartic is not None:
         quartic = joint_arms.quartic.mean(axis=1)[order]
         axes.plot(values, quartic, color="black", linewidth=1.2, linestyle="--", label="mean of quartic fits")

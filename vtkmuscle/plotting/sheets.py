@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
+from matplotlib import rc_context, rcdefaults, rcParams
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -19,9 +20,13 @@ from numpy.typing import NDArray
 from vtkmuscle.io.writing import replacing
 from vtkmuscle.plotting.views import View
 
-DOTS_PER_INCH = 150
-#: Font size of a legend [points].
-LEGEND_FONT = 11
+DOTS_PER_INCH = 300
+#: Width of a figure, two columns of a journal; and of an inch [mm].
+WIDTH, INCH = 180.0, 25.4
+#: Letters and lines of figures in a journal, which asks for 7 points at least.
+_STYLE = {"font.size": 8.0, "axes.linewidth": 0.6, "legend.columnspacing": 1.2, "legend.handlelength": 1.5}
+#: Least width of a panel, and the gap beside it [inches].
+_LEAST, _GAP = 1.5, 0.06
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,16 +48,17 @@ class Panel:
         (x, y), (width, height), inches = corner, self.inches, figure.dpi_scale_trans
         figure.add_artist(Pixels(self.image, corner))
         words: dict[str, Any] = {"transform": inches, "va": "bottom"}
-        figure.text(x + width / 2.0, y + height + 6.0 / 72.0, self.title, ha="center", fontsize=13, **words)
+        title = fill(self.title, letters_in(width))
+        figure.text(x + width / 2.0, y + height + 3.0 / 72.0, title, ha="center", **words)
         per_inch = 2.0 * self.view.half_height / height
         third = per_inch * width / 3.0
         power = 10.0 ** math.floor(math.log10(third))
         length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= third)
         left, low = x + 0.03 * width, y + 0.025 * height
         bar = Line2D([left, left + length / per_inch], [low, low], transform=inches, color="black")
-        bar.set(linewidth=2.5, solid_capstyle="butt")
+        bar.set(linewidth=1.5, solid_capstyle="butt")
         figure.add_artist(bar)
-        figure.text(left, low + 0.012 * height, f"{length:g} {units}", fontsize=10, **words)
+        figure.text(left, low + 0.012 * height, f"{length:g} {units}", **words)
 
 
 class Pixels(Artist):
@@ -79,33 +85,57 @@ class Pixels(Artist):
 
 def legend_columns(width: float, labels: Sequence[str]) -> int:
     """Return the number of legend columns in a width [inches]."""
-    letters = max((len(label) for label in labels), default=1)
-    # A letter is 0.095 inches wide on average.
-    return max(1, int(width / (0.5 + 0.095 * letters)))
+    widest = 8 + max((len(label) for label in labels), default=1)  # with the handle and gaps
+    return max(1, min(len(labels), letters_in(width) // widest))
 
 
-def sheet(panels: Sequence[Panel], title: str, units: str, *, legend: Sequence[str] = ()) -> Figure:
-    """Return a figure of panels in rows above a legend."""
-    columns = len(panels) if len(panels) <= 4 else math.ceil(len(panels) / 2)
+def letters_in(width: float) -> int:
+    """Return how many letters of 0.55 em, the mean width, a line [inches] holds."""
+    return int(width * 72.0 / (0.55 * rcParams["font.size"]))
+
+
+def fitted(views: Sequence[View], width: float) -> list[View]:
+    """Return views with the picture sizes at which their rows fill a figure's width [mm], at most."""
+    columns = _columns(len(views), width)
+    rows = [views[i : i + columns] for i in range(0, len(views), columns)]
+    widest = max(sum(view.size[0] for view in row) for row in rows) / DOTS_PER_INCH
+    scale = min(1.0, (width / INCH - _GAP * (columns + 1)) / widest)
+    return [replace(view, area=view.area * scale**2) for view in views]
+
+
+def _columns(count: int, width: float) -> int:
+    """Return the number of columns of balanced rows in a width [mm]."""
+    return math.ceil(count / math.ceil(count / max(1, int(width / INCH / _LEAST))))
+
+
+def sheet(panels: Sequence[Panel], title: str, units: str, width: float, *, bottom: float = 0.45) -> Figure:
+    """Return a figure of panels in rows, with room at the bottom [inches]."""
+    columns, wide = _columns(len(panels), width), width / INCH
     rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
-    gap, header, top, bottom = 0.12, 0.34, 0.45 if title else 0.0, 0.85  # inches
-    widths = [sum(p.inches[0] + gap for p in row) + gap for row in rows]
+    titles = [fill(panel.title, letters_in(panel.inches[0])) for panel in panels]
+    header, top = (
+        0.06 + 0.14 * max(words.count("\n") + 1 for words in titles),
+        0.25 if title else 0.0,
+    )  # inches
     heights = [max(p.inches[1] for p in row) + header for row in rows]
-    width = max(5.0, *widths)
-    # A row of the legend is 0.28 inches high.
-    bottom += 0.28 * (math.ceil(len(legend) / legend_columns(width, legend)) - 1 if legend else 0)
     height = top + bottom + sum(heights)
-    figure = blank_figure(width, height)
+    figure = blank_figure(wide, height)
     if title:
-        figure.text(0.5, 1.0 - 0.25 / height, title, ha="center", va="center", fontsize=17)
+        figure.text(0.5, 1.0 - 0.15 / height, title, ha="center", va="center", fontsize="large")
     y = height - top
-    for row, row_width, row_height in zip(rows, widths, heights, strict=True):
-        x = (width - row_width) / 2.0 + gap
+    for row, row_height in zip(rows, heights, strict=True):
+        x = (wide - sum(p.inches[0] + _GAP for p in row) + _GAP) / 2.0
         for panel in row:
             panel.add_to(figure, (x, y - header - panel.inches[1]), units)
-            x += panel.inches[0] + gap
+            x += panel.inches[0] + _GAP
         y -= row_height
     return figure
+
+
+def set_style() -> None:
+    """Set matplotlib's parameters for a journal, without those of a matplotlibrc in the working folder."""
+    rcdefaults()
+    rcParams.update(_STYLE)
 
 
 def blank_figure(width: float, height: float) -> Figure:
@@ -115,7 +145,7 @@ def blank_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def save_figure(figure: Figure, path: Path, form: str = "png", dpi: float = DOTS_PER_INCH) -> None:
+def save_figure(figure: Figure, path: Path, form: str = "png", dpi: float = 150.0) -> None:
     """Write a figure as png, pdf or svg, all or nothing; text and lines stay vectors in pdf and svg."""
     options: dict[str, Any] = {"pil_kwargs": {"compress_level": 1}}
     if form != "png":

@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from vtkmuscle import plotting
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import names
 from vtkmuscle.data.arrays import blocks_of, points_of
+from vtkmuscle.io.literature import in_words
 from vtkmuscle.io.writing import replacing
 from vtkmuscle.plotting.drawing import FigureOrder, MuscleFrame, can_render
 from vtkmuscle.plotting.views import DrawnBones, fibre_surface
@@ -70,33 +72,39 @@ class Drawing:
         return entry | {"reason": reason}, seconds
 
 
-def write_figures(folder: str | Path, result: Result, *, form: str = "png", dpi: float = 150.0) -> list[Path]:
+def write_figures(
+    folder: str | Path, result: Result, *, form: str = "png", dpi: float = 300.0, width: float = 180.0
+) -> list[Path]:
     """Write all figures; see :meth:`vtkmuscle.Result.write_figures`."""
     if form not in FORMS:
         raise InputError(form, "unknown format of figures", "allowed: png, pdf, svg")
     if not 20.0 <= dpi <= 2400.0:
         raise InputError("", f"dpi is {dpi:g}, but must be 20 to 2400", "e.g. 300")
+    if not 60.0 <= width <= 400.0:
+        raise InputError(
+            "", f"width is {width:g} mm, but must be 60 to 400", "journals have columns of 85 and 180"
+        )
     reason = can_render()
     if reason is not None:
         raise RuntimeError(f"no figures can be made: {reason}")
     every = [rest_pose_of(result)]
     for name in result.muscle_names:
         every += figures_of_muscle(result, name)
-    return _drawn(every, Path(folder), result.drawn_bones, form, dpi)
+    return _drawn(every, Path(folder), result.drawn_bones, form, dpi=dpi, width=width)
 
 
 def _drawn(
-    orders: list[FigureOrder], folder: Path, bones: DrawnBones, form: str = "png", dpi: float = 150.0
+    orders: list[FigureOrder], folder: Path, bones: DrawnBones, form: str = "png", **options: float
 ) -> list[Path]:
     """Draw figures in turn, and return the files."""
     import matplotlib as mpl  # noqa: PLC0415 -- only figures need it
 
-    from vtkmuscle.plotting.sheets import DOTS_PER_INCH  # noqa: PLC0415
+    from vtkmuscle.plotting.sheets import DOTS_PER_INCH, set_style  # noqa: PLC0415
     from vtkmuscle.plotting.studio import Studio  # noqa: PLC0415
 
-    with mpl.rc_context(), Studio(dpi / DOTS_PER_INCH) as studio:
-        mpl.rcdefaults()  # a matplotlibrc in the working folder may be from elsewhere
-        return [order.write(folder, bones, studio, form, dpi) for order in orders]
+    with mpl.rc_context(), Studio(options.get("dpi", DOTS_PER_INCH) / DOTS_PER_INCH) as studio:
+        set_style()
+        return [order.write(folder, bones, studio, form, **options) for order in orders]
 
 
 def rest_pose_of(result: Result) -> FigureOrder:
@@ -110,14 +118,15 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
     """Return the figures of a muscle: frames, lengths and moment arms. Empty for a muscle without frames."""
     if not result.finished(name):
         return []
-    title = {"title": name.replace("_", " ")}
+    title = {"title": in_words(name)}
     given = {"frames": _frames(result, name), "rest_fibres": result.rest_fibres(name), "units": result.units}
     figures = [FigureOrder(f"{name}_frames", "plot_muscle", given | title, rendered=True)]
     curves = {"path": ("lengths", result.lengths), "fibre": ("fibre_lengths", result.fibre_lengths)}
     for of, (suffix, lengths) in curves.items():
         if name in lengths:
-            given = {"times": result.times[: len(lengths[name])], "lengths": lengths[name], "of": of}
-            given |= {"time_label": result.time_label} | title
+            times = result.times[: len(lengths[name])]
+            given = {"times": times, "lengths": lengths[name], "of": of}
+            given |= _time_axis(result, name, len(times)) | title
             figures.append(FigureOrder(f"{name}_{suffix}", "plot_lengths", given))
     arms = result.all_arms
     if name in arms:
@@ -129,27 +138,56 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
 
 
 def _frames(result: Result, name: str) -> list[MuscleFrame]:
-    """Return the first, the worst or else the middle, and the last finished frame of a muscle."""
+    """Return the first, the worst or else the middle, and the last finished frame of a muscle.
+
+    The worst counts in the middle two thirds: next to an end it would show the same twice.
+    """
     finished = result.frames[: result.finished(name)]
+    inner = finished[len(finished) // 6 : len(finished) - len(finished) // 6]
     reasons = result.report["muscles"][name].get("verdict", {}).get("reasons", ())
-    worst = [reason["frame"] for reason in reasons[:1] if reason["frame"] in finished]
+    worst = [reason["frame"] for reason in reasons[:1] if reason["frame"] in inner]
     frames = []
     for number in sorted({finished[0], *(worst or [finished[(len(finished) - 1) // 2]]), finished[-1]}):
         fibres = result.fibres(name, frame=number)
         volumes = result.report["deformer"] != "none"
         muscle = result.muscle(name, frame=number) if volumes else fibre_surface(fibres)
         moved = result.motion.at(float(result.motion.times[number]))
-        frames.append(MuscleFrame(muscle, moved, fibres, _at(result, number)))
+        frames.append(MuscleFrame(muscle, moved, fibres, _at(result, name, number)))
     return frames
 
 
-def _at(result: Result, frame: int) -> str:
-    """Return the time of a frame to a hundredth of the span: ``time 3``, or ``hip flexion 30 deg``."""
-    times = result.motion.times
-    span = float(np.ptp(times)) or 1.0
-    name, _, unit = result.time_label.partition(" [")
-    rounded = round(float(times[frame]), max(0, 2 - math.ceil(math.log10(span)))) + 0.0
-    return f"{name} {rounded:g} {unit.removesuffix(']')}".strip()
+def _at(result: Result, name: str, frame: int) -> str:
+    """Return a frame's time or coordinates: ``time 3``, ``hip flexion 30°``."""
+    parts = []
+    for label, values in _axis_values(result, name).items():
+        word, _, unit = label.partition(" [")
+        parts.append(f"{word} {_rounded(values, frame)} {unit.removesuffix(']')}".strip())
+    return ", ".join(parts).replace(" degrees", "°")
+
+
+def _rounded(values: Floats, frame: int) -> str:
+    """Return a value to a hundredth of the values' span."""
+    span = float(np.ptp(values)) or 1.0
+    return f"{round(float(values[frame]), max(0, 2 - math.ceil(math.log10(span)))) + 0.0:g}"
+
+
+def _axis_values(result: Result, name: str) -> dict[str, Floats]:
+    """Return the times by label, or up to three coordinates of a muscle where the time is none of them."""
+    crossed, every = result.crosses.get(name), result.motion.coordinates
+    names = [key for key in every if np.ptp(every[key].values) > 0.0 and (crossed is None or key in crossed)]
+    if result.time_label != "time" or not 1 <= len(names) <= 3:
+        return {result.time_label: result.motion.times}
+    return {in_words(key, every[key].unit): every[key].values for key in names}
+
+
+def _time_axis(result: Result, name: str, count: int) -> dict[str, Any]:
+    """Return the label of a time axis, and seven ticks with the values of several coordinates."""
+    frames, shown = result.frames[:count], _axis_values(result, name)
+    if result.time_label in shown:
+        return {"time_label": result.time_label}
+    chosen = sorted({frames[round(part)] for part in np.linspace(0, count - 1, 7)})
+    ticks = {result.motion.times[k]: "\n".join(_rounded(v, k) for v in shown.values()) for k in chosen}
+    return {"time_label": "\n".join(shown), "ticks": ticks}
 
 
 def film_of(

@@ -176,11 +176,10 @@ def _draw(given: Path, folder: Path) -> float:
     order: FigureOrder = pickle.loads(given.read_bytes())
     before = time.perf_counter()
     if _Worker.studio is None:
-        import matplotlib as mpl  # noqa: PLC0415 -- only figures need it
-
+        from vtkmuscle.plotting.sheets import set_style  # noqa: PLC0415 -- only figures need it
         from vtkmuscle.plotting.studio import Studio  # noqa: PLC0415
 
-        mpl.rcdefaults()  # a matplotlibrc in the working folder may be from elsewhere
+        set_style()
         _Worker.studio = Studio()
     order.write(folder, _Worker.bones, _Worker.studio)
     return time.perf_counter() - before

@@ -188,7 +188,7 @@ class Result(ResultData):
         return film_of(self, Path(path), fps=fps, muscles=muscles, size=size)
 
     def write_figures(
-        self, folder: str | PathLike[str], *, form: str = "png", dpi: float = 150.0
+        self, folder: str | PathLike[str], *, form: str = "png", dpi: float = 300.0, width: float = 180.0
     ) -> list[Path]:
         """Draw the figures of a run again, and return the files.
 
@@ -200,17 +200,20 @@ class Result(ResultData):
             ``"png"``; or ``"pdf"`` or ``"svg"``, in which curves and letters are drawn as such.
         dpi : float, optional
             Pixels per inch of pictures, 20 to 2400; their size on paper stays.
+        width : float, optional
+            Of the figures on paper, 60 to 400 [mm]; letters have 8 points. Journals have columns of about 85
+            and 180 mm.
 
         Raises
         ------
         ValueError
-            For another form or resolution.
+            For another form, resolution or width.
         RuntimeError
             If no picture can be rendered here; nothing is written then.
         """
         from vtkmuscle.run.figures import write_figures  # noqa: PLC0415 -- only figures need PyVista
 
-        return write_figures(Path(folder), self.plain(), form=form, dpi=dpi)
+        return write_figures(Path(folder), self.plain(), form=form, dpi=dpi, width=width)
 
     def write_report(self, path: str | PathLike[str]) -> Path:
         """Write the page of the run: the scene to be turned and moved, curves, tables and verdicts.

@@ -97,7 +97,8 @@ T = TypeVar("T")
 def parsed(path: Path) -> dict[str, Any]:
     """Return the content of a scene.toml; SceneError if unreadable."""
     if path.is_dir():
-        remedy = f"give its scene file, e.g. {path / 'scene.toml'}"
+        inside = [path / "scene.toml", *sorted(path.glob("*.toml")), path.absolute().parent / "scene.toml"]
+        remedy = f"give a scene file, e.g. {next(filter(Path.is_file, inside), 'scene.toml')}"
         raise SceneError("this is a folder, not a scene file", "", remedy, path)
     try:
         check_is_file(path, most=MOST_TEXT)
@@ -105,7 +106,7 @@ def parsed(path: Path) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise SceneError("is not text in UTF-8", "", "save it as UTF-8", path) from error
     except tomllib.TOMLDecodeError as error:
-        remedy = "correct that line; put texts in double quotes"
+        remedy = "correct that line; put texts in double quotes, and write / for \\ in paths"
         raise SceneError(f"is not valid TOML: {error}", "", remedy, path) from error
     except (OSError, ValueError, RecursionError) as error:  # also an endless number, or too many brackets
         raise SceneError(fault_of(error)[0], "", "check the path and the content", path) from error

@@ -23,7 +23,7 @@ from pydantic_core import CoreSchema
 from pydantic_core.core_schema import literal_schema
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.words import quoted
+from vtkmuscle.core.words import quoted, suggestion
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.path_deformer import PathDeformer
@@ -58,7 +58,9 @@ def _checked(declaration: Parameter[Any], value: Any) -> Any:
     try:
         declaration.check(value, "")
     except ValueError:
-        raise InputError("", f"{quoted(value)} is not allowed", f"allowed: {declaration.allowed}") from None
+        choices, allowed = declaration.choices, f"allowed: {declaration.allowed}"
+        remedy = suggestion(value, choices) if choices and isinstance(value, str) else allowed
+        raise InputError("", f"{quoted(value)} is not allowed", remedy) from None
     return value
 
 

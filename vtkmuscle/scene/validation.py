@@ -71,6 +71,8 @@ def _problem_and_remedy(error: ErrorDetails, name: str) -> tuple[str, str]:
             return "there is no such key", f"did you mean {' or '.join(map(repr, near))}?" if near else remedy
         case "literal_error":
             remedy = suggestion(str(error["input"]), re.findall("'(.*?)'", error["ctx"]["expected"]))
+        case "too_short" | "too_long" if field and field.description:
+            remedy += f": {field.description.partition('.')[0]}"
         case "model_type":
             return f"must be a table, not {quoted(error['input'])}", remedy
     problem = error["msg"].replace("Input should be", "must be").replace(" after validation", "")

@@ -10,10 +10,16 @@ from typing import Any
 import tomli_w
 
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.data.attachments import SIDES, VIA, AttachmentArea, aponeuroses_data, attachments_from
+from vtkmuscle.data.attachments import SIDES, VIA, AttachmentArea, aponeuroses_data
 from vtkmuscle.io import write_literature, write_motion_table, write_polydata, write_text
 from vtkmuscle.io.writing import Outputs
 from vtkmuscle.scene.data import Muscle, SceneData
+
+#: Schema by which 3D Slicer recognises its curves.
+_SCHEMA = (
+    "https://raw.githubusercontent.com/slicer/slicer/master/"
+    "Modules/Loadable/Markups/Resources/Schema/markups-schema-v1.0.3.json#"
+)
 
 
 def write_scene(scene: SceneData, folder: Path) -> Path:
@@ -30,7 +36,7 @@ def write_scene(scene: SceneData, folder: Path) -> Path:
             sheets = aponeuroses_data(muscle.aponeuroses)
             for number in range(len(muscle.aponeuroses)):
                 write_polydata(folder / _aponeurosis_file(name, number, muscle), sheets.GetBlock(number))
-        write_areas(folder, name, muscle.attachments)
+        write_areas(folder, name, muscle.attachments, scene.frame)
     for bone in scene.motion.transforms:
         write_motion_table(folder / _motion_file(scene.motion, bone), scene.motion, bone)
     path = folder / "scene.toml"
@@ -78,18 +84,25 @@ def inline_toml(value: Any) -> str:
     return f"{value:.10g}" if isinstance(value, float) else json.dumps(value, ensure_ascii=False)
 
 
-def write_areas(folder: Path, muscle: str, areas: Sequence[AttachmentArea]) -> list[dict[str, Any]]:
-    """Write a muscle's landmarks to a scene's folder, and return their tables."""
-    blocks, tables = attachments_from(areas), _area_tables(muscle, areas)
-    for number, table in enumerate(tables):
-        write_polydata(folder / table["landmarks"], blocks.GetBlock(number))
+def write_areas(
+    folder: Path, muscle: str, areas: Sequence[AttachmentArea], frame: str = "LPS"
+) -> list[dict[str, Any]]:
+    """Write a muscle's landmarks to a scene's folder, as curves of 3D Slicer, and return their tables."""
+    tables = _area_tables(muscle, areas)
+    for table, area in zip(tables, areas, strict=True):
+        kind = "ClosedCurve" if area.closed else "Curve" if len(area.landmarks) > 1 else "Fiducial"
+        points = [{"position": point, "positionStatus": "defined"} for point in area.landmarks.tolist()]
+        curve = {"type": kind, "coordinateSystem": frame, "controlPoints": points}
+        write_text(
+            folder / table["landmarks"], json.dumps({"@schema": _SCHEMA, "markups": [curve]}, indent=1)
+        )
     return tables
 
 
 def _area_tables(muscle: str, areas: Sequence[AttachmentArea]) -> list[dict[str, Any]]:
     tables: list[dict[str, Any]] = []
     for number, area in enumerate(areas):
-        landmarks = f"attachments/{muscle}_{area.role}_{number}.vtp"
+        landmarks = f"attachments/{muscle}_{area.role}_{number}.mrk.json"
         tables.append({"role": area.role, "bone": area.bone, "landmarks": landmarks})
         tables[-1] |= {"closed": False} if area.role == VIA and not area.closed else {}
         tables[-1] |= {"estimated": True} if area.estimated else {}

@@ -12,7 +12,7 @@ from vtkmuscle.core.motion.blending import (
     origin_weights,
     screws_between,
 )
-from vtkmuscle.core.motion.rigid import apply_transform, inverse, are_rigid, rotation_about
+from vtkmuscle.core.motion.rigid import apply_transform, are_rigid, inverse, rotation_about
 
 
 def motion(seed, angle=None):

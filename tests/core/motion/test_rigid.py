@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from vtkmuscle.core.motion.rigid import (
     RigidMotion,
     apply_transform,
+    are_rigid,
     hinge,
     inverse,
-    are_rigid,
     rotation_about,
 )
 
