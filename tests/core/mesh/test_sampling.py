@@ -1,12 +1,15 @@
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
+from scipy.stats import qmc
 from shapes import grid
 
-from vtkmuscle.core.mesh.sampling import PatchSamples, even_samples, samples_inside, space_order
+from vtkmuscle.core.mesh.sampling import PatchSamples, even_samples, samples_inside, sobol, space_order
 
 
 def sheet(size=8, spacing=5.0):
@@ -82,6 +85,16 @@ def test_positions_in_a_body_are_of_even_density():
     shares = [np.mean(np.hypot(*samples[:, :2].T) < radius) for radius in (2.5, 5.0, 7.5)]
     assert_allclose(shares, np.square([0.25, 0.5, 0.75]), atol=0.015)
     assert_allclose(np.histogram(samples[:, 2], 4, (-50.0, 50.0))[0] / 3000, 0.25, atol=0.015)
+
+
+@pytest.mark.parametrize(("count", "dimension", "first"), [(1, 1, 0), (100, 2, 0), (777, 3, 3 * 8192)])
+def test_sobol_numbers_are_those_of_scipy(count, dimension, first):
+    sequence = qmc.Sobol(dimension, scramble=False)
+    if first:
+        sequence.fast_forward(first)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of counts that are no power of two
+        np.testing.assert_array_equal(sobol(count, dimension, first=first), sequence.random(count))
 
 
 @pytest.mark.parametrize("dimensions", [2, 3])

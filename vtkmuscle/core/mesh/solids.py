@@ -32,16 +32,18 @@ def points_inside(queries: Floats, tree: TriangleTree) -> Bools:
         along = int((tree.boxes[0, 3:] - tree.boxes[0, :3]).argmin())
         slack = _ROUNDING * float(np.abs(tree.boxes[0]).max())
         stack = np.empty(64, dtype=np.int64)
-        _count(np.ascontiguousarray(queries), tree.corners, tree.boxes, along, slack, stack, inside)
+        shape = tree.corners, tree.boxes, tree.leaves
+        _count(np.ascontiguousarray(queries), *shape, along, slack, stack, inside)
     return inside
 
 
 @kernel
 def _count(
-    queries: Floats, corners: Floats, boxes: Floats, along: int, slack: float, stack: Ints, inside: Bools
-) -> None:
+    queries: Floats, corners: Floats, boxes: Floats, leaves: Ints, along: int, slack: float, stack: Ints,
+    inside: Bools,
+) -> None:  # fmt: skip
     """Write whether an odd number of triangles is above each point. stack : (64,), working memory."""
-    n, n_leaves = len(corners), (len(boxes) + 1) // 2
+    n_leaves = len(leaves) - 1
     u, v = (along + 1) % 3, (along + 2) % 3
     for q in range(len(queries)):
         x, y, z = queries[q, u], queries[q, v], queries[q, along]
@@ -60,7 +62,7 @@ def _count(
                 size += 2
                 continue
             leaf = node - (n_leaves - 1)
-            for i in range(leaf * n // n_leaves, (leaf + 1) * n // n_leaves):
+            for i in range(leaves[leaf], leaves[leaf + 1]):
                 if _is_below(queries[q], corners[i, 0], corners[i, 1], corners[i, 2], along):
                     odd = not odd
         inside[q] = odd

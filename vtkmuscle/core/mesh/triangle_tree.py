@@ -9,6 +9,7 @@ from typing import NamedTuple
 from weakref import WeakValueDictionary
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
@@ -18,6 +19,8 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Most triangles in a leaf, on average.
 PER_LEAF = 8
+#: Shift of a triangle's centre by its number, as a part of the surface's size.
+_SLOPE = 1e-12
 #: Distance of a point on the surface, as a part of the surface's size: too near for a direction away.
 _ON_SURFACE = 1e-9
 
@@ -35,6 +38,7 @@ class TriangleTree:
     order: Ints  # (m,), triangles in the tree's order
     corners: Floats  # (m, 3, 3), of the triangles in the tree's order
     boxes: Floats  # (2^k - 1, 6), low and high corner of each box, level by level
+    leaves: Ints  # (2^(k - 1) + 1,), the first triangle of each leaf, and m
 
     @cached_property
     def mean_edge(self) -> float:
@@ -51,7 +55,9 @@ class TriangleTree:
         closest, distances = np.zeros((len(queries), 3)), np.zeros(len(queries))
         memory = np.empty(64, dtype=np.int64), np.empty(64)
         queries = np.ascontiguousarray(queries)
-        search_tree(self.corners, self.boxes, queries, nearest, closest, distances, regions, *memory)
+        search_tree(
+            self.corners, self.boxes, self.leaves, queries, nearest, closest, distances, regions, *memory
+        )
         return self.order[nearest], closest, distances, regions
 
     def _sided(self, queries: Floats) -> tuple[Floats, Floats, Floats]:
@@ -97,19 +103,9 @@ class TriangleTree:
 def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
     """Return the tree of finite points (n, 3) and triangles (m, 3), m >= 1, and keep both."""
     centres = (points[triangles[:, 0]] + points[triangles[:, 1]] + points[triangles[:, 2]]) / 3.0
-    order, starts = np.arange(len(triangles)), _leaf_starts(len(triangles))
-    width = len(starts)
-    while width > 1:  # part each box across the longest extent of its centres, by a sort of all boxes
-        first, parted = starts[::width], centres[order]
-        low = np.minimum.reduceat(parted, first)
-        extents = np.maximum.reduceat(parted, first) - low
-        box = np.repeat(np.arange(len(first)), np.diff(first, append=len(order)))
-        axis = extents.argmax(axis=1)
-        scale = 0.5 / np.maximum(extents.max(axis=1), np.finfo(np.float64).tiny)
-        heights = np.take_along_axis(parted - low[box], axis[box, None], axis=1)[:, 0]
-        order = order[np.argsort(box + heights * scale[box])]
-        width //= 2
-    return _filled(points, triangles, order)
+    # Equal centres are parted by their order: each half of a box is as large as a leaf expects.
+    centres += _SLOPE * np.ptp(centres, axis=0).max() * np.arange(len(centres))[:, None]
+    return _filled(points, triangles, cKDTree(centres, leafsize=PER_LEAF).indices)
 
 
 #: As :func:`triangle_tree`, with a common tree for all users of a surface.
@@ -143,20 +139,22 @@ def tree_of_deformed(rest: TriangleTree | None, points: Floats, triangles: Ints)
 def _filled(points: Floats, triangles: Ints, order: Ints) -> TriangleTree:
     """Return the tree of a surface with triangles in order."""
     corners = np.take(points, np.take(triangles, order, axis=0), axis=0).astype(np.float64, copy=False)
-    starts, (a, b, c) = _leaf_starts(len(triangles)), corners.transpose(1, 0, 2)
-    lows = [np.minimum.reduceat(np.minimum(np.minimum(a, b), c), starts)]
-    highs = [np.maximum.reduceat(np.maximum(np.maximum(a, b), c), starts)]
+    bounds, (a, b, c) = _leaf_bounds(len(triangles)), corners.transpose(1, 0, 2)
+    lows = [np.minimum.reduceat(np.minimum(np.minimum(a, b), c), bounds[:-1])]
+    highs = [np.maximum.reduceat(np.maximum(np.maximum(a, b), c), bounds[:-1])]
     while len(lows[-1]) > 1:
         lows.append(np.minimum(lows[-1][::2], lows[-1][1::2]))
         highs.append(np.maximum(highs[-1][::2], highs[-1][1::2]))
     boxes = np.hstack([np.vstack(lows[::-1]), np.vstack(highs[::-1])])
-    return TriangleTree(points, triangles, order, corners, boxes)
+    return TriangleTree(points, triangles, order, corners, boxes, bounds)
 
 
-def _leaf_starts(count: int) -> Ints:
-    """Return the first triangle of each leaf, (2^k,)."""
-    n_leaves = 2 ** max(int(np.ceil(np.log2(count / PER_LEAF))), 0)
-    return np.asarray(np.arange(n_leaves) * count // n_leaves)
+def _leaf_bounds(count: int) -> Ints:
+    """Return the first triangle of each leaf, and the count, (2^k + 1,); boxes are halved, rounded down."""
+    bounds = np.array([0, count])
+    while np.diff(bounds).max() > PER_LEAF:
+        bounds = np.insert(bounds, np.arange(1, len(bounds)), (bounds[:-1] + bounds[1:]) // 2)
+    return bounds
 
 
 #: Regions of a triangle: its face, the edge from corner k to the next, or corner k.
@@ -243,15 +241,15 @@ def pseudonormals(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
 
 @kernel
 def search_tree(
-    corners: Floats, boxes: Floats, queries: Floats, nearest: Ints, closest: Floats, distances: Floats,
-    regions: Ints, stack: Ints, to_box: Floats,
+    corners: Floats, boxes: Floats, leaves: Ints, queries: Floats, nearest: Ints, closest: Floats,
+    distances: Floats, regions: Ints, stack: Ints, to_box: Floats,
 ) -> None:  # fmt: skip
     """Write the nearest triangle to each query, with its nearest point, distance and region.
 
-    corners, boxes : of a :class:`TriangleTree`; queries, closest : (q, 3); nearest, distances, regions :
-    (q,), triangles in the tree's order; stack, to_box : (64,), working memory, as deep as the tree.
+    corners, boxes, leaves : of a :class:`TriangleTree`; queries, closest : (q, 3); nearest, distances,
+    regions : (q,), triangles in the tree's order; stack, to_box : (64,), working memory, as deep as the tree.
     """
-    n, n_leaves = len(corners), (len(boxes) + 1) // 2
+    n_leaves = len(leaves) - 1
     guess = 0  # the last query's triangle: consecutive queries are neighbours along a fibre
     for q in range(len(queries)):
         x, y, z = queries[q, 0], queries[q, 1], queries[q, 2]
@@ -275,7 +273,7 @@ def search_tree(
                 size += 2
                 continue
             leaf = node - (n_leaves - 1)
-            for i in range(leaf * n // n_leaves, (leaf + 1) * n // n_leaves):
+            for i in range(leaves[leaf], leaves[leaf + 1]):
                 distance2 = _distance2(corners[i], x, y, z)
                 if distance2 < best:
                     best, guess = distance2, i
