@@ -79,7 +79,6 @@ class Comparison:
 
         across = max(map(len, self.curves.values()))
         figure = blank_figure(_WIDTH * across, _HEIGHT * len(self.curves) + 0.5)
-        figure.set_layout_engine("constrained")
         panels = figure.subplots(len(self.curves), across, squeeze=False)
         for row, (muscle, quantities) in zip(panels, self.curves.items(), strict=True):
             for axes in row[len(quantities) :]:

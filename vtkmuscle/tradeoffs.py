@@ -94,7 +94,6 @@ class Tradeoff:
         whole = self.table.where(muscle=ALL)
         shown = [name for name in ERRORS if np.isfinite(whole[name]).any()]
         figure = blank_figure(5.2 * max(len(shown), 1), 4.4)
-        figure.set_layout_engine("constrained")
         panels = figure.subplots(1, max(len(shown), 1), squeeze=False)[0]
         labels = [", ".join(str(whole[name][i]) for name in self.settings) for i in range(len(whole["ms"]))]
         for axes, name in zip(panels, shown, strict=False):

@@ -175,7 +175,6 @@ def plot_lengths(
     """
     values = np.asarray(lengths, dtype=np.float64)
     figure = sheets.blank_figure(width / sheets.INCH, min(0.75 * width / sheets.INCH, 4.2))
-    figure.set_layout_engine("constrained")
     figure.suptitle(title, fontsize="large")
     axes = figure.subplots()
     axes.set(xlabel=time_label, ylabel=f"{of} length [mm]")

@@ -119,7 +119,7 @@ def sheet(panels: Sequence[Panel], title: str, units: str, width: float, *, bott
     )  # inches
     heights = [max(p.inches[1] for p in row) + header for row in rows]
     height = top + bottom + sum(heights)
-    figure = blank_figure(wide, height)
+    figure = blank_figure(wide, height, None)
     if title:
         figure.text(0.5, 1.0 - 0.15 / height, title, ha="center", va="center", fontsize="large")
     y = height - top
@@ -138,9 +138,9 @@ def set_style() -> None:
     rcParams.update(_STYLE)
 
 
-def blank_figure(width: float, height: float) -> Figure:
+def blank_figure(width: float, height: float, layout: Any = "constrained") -> Figure:
     """Return a white figure of a size [inches]."""
-    figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, facecolor="white")
+    figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, facecolor="white", layout=layout)
     FigureCanvasAgg(figure)
     return figure
 
