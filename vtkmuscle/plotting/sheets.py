@@ -62,10 +62,7 @@ class Panel:
 
 
 class Pixels(Artist):
-    """An image (height, width, 3) on a figure, pixel for pixel.
-
-    ``corner`` is the lower left corner [inches].
-    """
+    """An image (height, width, 3) on a figure, pixel for pixel, at a lower left corner [inches]."""
 
     def __init__(self, image: NDArray[np.uint8], corner: tuple[float, float]) -> None:
         super().__init__()
@@ -119,7 +116,7 @@ def sheet(panels: Sequence[Panel], title: str, units: str, width: float, *, bott
     )  # inches
     heights = [max(p.inches[1] for p in row) + header for row in rows]
     height = top + bottom + sum(heights)
-    figure = blank_figure(wide, height, None)
+    figure = blank_figure(wide, height)
     if title:
         figure.text(0.5, 1.0 - 0.15 / height, title, ha="center", va="center", fontsize="large")
     y = height - top
@@ -138,15 +135,15 @@ def set_style() -> None:
     rcParams.update(_STYLE)
 
 
-def blank_figure(width: float, height: float, layout: Any = "constrained") -> Figure:
-    """Return a white figure of a size [inches]."""
+def blank_figure(width: float, height: float, layout: Any = None) -> Figure:
+    """Return a white figure of a size [inches], with a layout of matplotlib."""
     figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, facecolor="white", layout=layout)
     FigureCanvasAgg(figure)
     return figure
 
 
 def save_figure(figure: Figure, path: Path, form: str = "png", dpi: float = 150.0) -> None:
-    """Write a figure as png, pdf or svg, all or nothing; text and lines stay vectors in pdf and svg."""
+    """Write a figure as png, pdf or svg, all or nothing. Text and lines stay vectors in pdf and svg."""
     options: dict[str, Any] = {"pil_kwargs": {"compress_level": 1}}
     if form != "png":
         options = {"metadata": {{"pdf": "CreationDate", "svg": "Date"}[form]: None}}
