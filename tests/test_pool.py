@@ -16,7 +16,7 @@ from tiny_scene import write_tiny_scene
 
 from vtkmuscle import Scene, hinge
 from vtkmuscle.run.pool import pool_size
-from vtkmuscle.scene.faults import SceneError
+from vtkmuscle.scene.data import SceneError
 
 FIRST, SECOND, _ = NAMES = ("first", "second", "third")
 FRAMES = 5

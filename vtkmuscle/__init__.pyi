@@ -10,8 +10,7 @@ from .opensim.from_run import export as export
 from .public_data import fetch as fetch
 from .run.result import MuscleResult as MuscleResult, Result as Result
 from .run.table import MomentArmTable as MomentArmTable, Table as Table
-from .scene.data import Muscle as Muscle
-from .scene.faults import SceneError as SceneError
+from .scene.data import Muscle as Muscle, SceneError as SceneError
 from .scenes import Scene as Scene
 from .studies import cohort as cohort, vary as vary
 from .tradeoffs import Tradeoff as Tradeoff, tradeoff as tradeoff

@@ -1,8 +1,4 @@
-"""The PyVista accessor ``mesh.muscle``.
-
-Filters are methods of a mesh. PyVista loads the accessor by the entry point group ``pyvista.accessors``,
-without an import.
-"""
+"""The PyVista accessor ``mesh.muscle``, found by PyVista through the entry point ``pyvista.accessors``."""
 
 from __future__ import annotations
 
@@ -84,7 +80,7 @@ class MuscleAccessor:
         **parameters
             Of :class:`~vtkmuscle.filters.FixedPointDetector`: ``method``, ``distance``.
         """
-        areas = _areas(origin, insertion, attachments, _names(bones))
+        areas = _areas(origin, insertion, attachments, bones)
         return FixedPointDetector(muscle=self._mesh, bones=bones, attachments=areas, **parameters).apply()
 
     def deformed(
@@ -124,7 +120,7 @@ class MuscleAccessor:
         pyvista.PolyData
             The muscle at that time.
         """
-        areas = _areas(origin, insertion, attachments, _names(bones))
+        areas = _areas(origin, insertion, attachments, bones)
         marked = areas is None and fixing is None and "FixedTo" in self._mesh.point_data
         fixed = None if marked else fixing or {}
         last = deform(self._mesh, bones, motion, areas, fibres=fibres, fixing=fixed, **solver)
@@ -174,13 +170,8 @@ class MuscleAccessor:
         return FibreTubes(**parameters).apply(self._mesh)
 
 
-def _names(bones: Any) -> list[str]:
-    """Return the names of bones. From a mapping or from named blocks."""
-    return list(bones) if isinstance(bones, Mapping) else [name for name, _ in blocks_of(bones)]
-
-
-def _areas(origin: Any, insertion: Any, attachments: Any, bones: list[str] | None) -> Any:
-    """Return attachment areas for filters. With bone names, each area needs a bone."""
+def _areas(origin: Any, insertion: Any, attachments: Any, bones: Any) -> Any:
+    """Return attachment areas for filters. With bones, each area needs a bone."""
     roles = {"origin": origin, "insertion": insertion}
     by_role = {role: landmarks for role, landmarks in roles.items() if landmarks is not None}
     if attachments is not None and by_role:
@@ -191,8 +182,9 @@ def _areas(origin: Any, insertion: Any, attachments: Any, bones: list[str] | Non
     for role, landmarks in by_role.items():
         if not isinstance(landmarks, Mapping) or isinstance(landmarks, vtkDataObject):
             if bones is not None:
+                names = bones if isinstance(bones, Mapping) else dict(blocks_of(bones))
                 problem = f"{role} needs a bone: {{bone: landmarks}}, with a bone of"
-                raise ValueError(f"mesh.muscle: {problem} {', '.join(map(repr, bones))}")
+                raise ValueError(f"mesh.muscle: {problem} {', '.join(map(repr, names))}")
             landmarks = {role: landmarks}  # noqa: PLW2901 -- fibres do not need the bone
         for bone, where in landmarks.items():
             points, closed = landmarks_of(_polyline(where), f"mesh.muscle: {role} on {bone!r}")

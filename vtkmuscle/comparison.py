@@ -34,7 +34,7 @@ _WIDTH, _HEIGHT = 4.8, 3.2
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A quantity of a muscle over a coordinate or time: mean (n,) of all paths or fibres at positions x (n,).
+    """A quantity of a muscle over a coordinate or time. Mean (n,) of all paths or fibres at positions x (n,).
 
     ``over`` is the name and unit of the horizontal axis, ``unit`` that of the quantity.
     """
@@ -78,8 +78,7 @@ class Comparison:
         from vtkmuscle.plotting.sheets import blank_figure  # noqa: PLC0415
 
         across = max(map(len, self.curves.values()))
-        figure = blank_figure(_WIDTH * across, _HEIGHT * len(self.curves) + 0.5)
-        figure.set_layout_engine("constrained")
+        figure = blank_figure(_WIDTH * across, _HEIGHT * len(self.curves) + 0.5, "constrained")
         panels = figure.subplots(len(self.curves), across, squeeze=False)
         for row, (muscle, quantities) in zip(panels, self.curves.items(), strict=True):
             for axes in row[len(quantities) :]:

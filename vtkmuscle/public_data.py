@@ -13,7 +13,7 @@ import numpy as np
 import pooch
 import tomli_w
 from vtkmodules.vtkCommonDataModel import vtkPolyData
-from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkCleanPolyData
+from vtkmodules.vtkFiltersCore import vtkCleanPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import signed_volume
@@ -25,6 +25,7 @@ from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.io import read_surface, write_polydata, write_text
 from vtkmuscle.io.msf import landmarks_of, read_msf
 from vtkmuscle.io.writing import file_digest, replacing, write_json
+from vtkmuscle.plotting.views import merged
 from vtkmuscle.scene.writing import write_areas
 from vtkmuscle.scenes import Scene
 
@@ -130,11 +131,8 @@ def _download(url: str, folder: Path, name: str, sha256: str | None) -> None:
 
 def write_scene(downloads: Path, folder: Path) -> None:
     """Write the scene of the downloaded files: four muscles over flexion of the hip."""
-    pelvis = vtkAppendPolyData()
-    for file in sorted(downloads.glob("pelvis_*.vtk")):
-        pelvis.AddInputData(_bone(file))
-    pelvis.Update()
-    write_polydata(folder / "bones/pelvis.vtp", pelvis.GetOutput())
+    pelvis = merged(map(_bone, sorted(downloads.glob("pelvis_*.vtk"))))
+    write_polydata(folder / "bones/pelvis.vtp", pelvis)
     write_polydata(folder / "bones/femur_r.vtp", _bone(downloads / "femur_r.vtk"))
     clouds = landmarks_of(read_msf(downloads / "landmarks.nms"))
     fibres, muscles = {"template": "parallel", "n_fibres": 100, "resolution": 15}, {}

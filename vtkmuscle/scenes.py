@@ -19,8 +19,7 @@ from vtkmuscle.run.frames import run_options
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.steps import run_scene
 from vtkmuscle.scene.checks import checked
-from vtkmuscle.scene.data import Muscle, SceneData
-from vtkmuscle.scene.faults import SceneError
+from vtkmuscle.scene.data import Muscle, SceneData, SceneError
 from vtkmuscle.scene.reading import read_fields
 from vtkmuscle.scene.schema_types import Fibres, Paths, Solver
 from vtkmuscle.scene.writing import write_scene

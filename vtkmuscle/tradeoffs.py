@@ -93,8 +93,7 @@ class Tradeoff:
 
         whole = self.table.where(muscle=ALL)
         shown = [name for name in ERRORS if np.isfinite(whole[name]).any()]
-        figure = blank_figure(5.2 * max(len(shown), 1), 4.4)
-        figure.set_layout_engine("constrained")
+        figure = blank_figure(5.2 * max(len(shown), 1), 4.4, "constrained")
         panels = figure.subplots(1, max(len(shown), 1), squeeze=False)[0]
         labels = [", ".join(str(whole[name][i]) for name in self.settings) for i in range(len(whole["ms"]))]
         for axes, name in zip(panels, shown, strict=False):
@@ -184,7 +183,9 @@ def tradeoff(
         folder = Path(temporary if out is None else out)
         table = run_labelled(labelled, folder, client, workers, progress, options)
         messages = dict(zip(table["folder"], table["message"], strict=True))
-        results = [_result(folder / folder_name(labels)) for labels, _ in labelled]
+        folders = [folder / folder_name(labels) for labels, _ in labelled]
+        # A run that has failed as a whole has no report.
+        results = [Result.load(own) if (own / "report.json").is_file() else None for own in folders]
         at_limit = dict(zip(deformers, results[len(tried) :], strict=True))
         rows: list[list[Any]] = []
         for values, result in zip(tried, results, strict=False):
@@ -210,11 +211,6 @@ def _without(scene: Scene, names: set[str]) -> Scene:
     muscles = {name: replace(muscle, solver=rest(muscle.solver)) for name, muscle in scene.muscles.items()}
     scene_wide: dict[str, Any] = {"solver": rest(scene.solver), "paths": rest(scene.paths) or None}
     return replace(scene, muscles=muscles, files={}, **scene_wide)
-
-
-def _result(folder: Path) -> Result | None:
-    """Return the result in a folder, None where the run has failed as a whole."""
-    return Result.load(folder) if (folder / "report.json").is_file() else None
 
 
 def _measured(result: Result, limit: Result | None, name: str) -> dict[str, Any]:
@@ -258,7 +254,7 @@ def _middle(curve: Any) -> Any:
 
 
 def _rms(parts: Sequence[Any]) -> float:
-    """Return the root mean square of all numbers, NaN of none; a frame that did not settle has none."""
+    """Return the root mean square of all numbers. NaN of none; a frame that did not settle has none."""
     numbers = np.concatenate([*parts, np.empty(0)])
     numbers = numbers[np.isfinite(numbers)]
     return float(np.sqrt(np.mean(numbers**2))) if len(numbers) else float("nan")

@@ -46,8 +46,7 @@ def draw_landmarks(file: Path, picture: Path) -> None:
     points, closed = read_landmarks(file)
     line = np.vstack([points, points[:1]]) if closed else points
     names = read_named_points(file).names
-    figure = blank_figure(12.0, 4.5)
-    figure.set_layout_engine("constrained")
+    figure = blank_figure(12.0, 4.5, "constrained")
     figure.suptitle(file.name)
     for axes, (across, up) in zip(figure.subplots(1, 3), ((0, 1), (0, 2), (1, 2)), strict=True):
         axes.plot(line[:, across], line[:, up], "-", linewidth=1.0)
@@ -140,15 +139,15 @@ def _of_mesh(file: Path) -> dict[str, str]:
         return {"points": str(len(points)), "polylines": str(data.GetNumberOfLines()), **size}
     report = survey(points, triangles_of(data, str(file)))
     loose = report.n_unused_points
-    side = "outward" if report.volume > 0 else "inward: the surface is inside out"
+    side = ", outward" if report.volume > 0 else ", inward: the surface is inside out"
+    side = side if report.closed and report.oriented else ""
     return {
         "triangles": str(report.n_triangles),
         "points": f"{report.n_points}" + (f", {loose} of them belong to no triangle" if loose else ""),
         **({"changed": "; ".join(changes)} if changes else {}),
         "closed": _yes(report.closed, f"{report.n_boundary_edges} edges have one triangle"),
         "manifold": _yes(report.manifold, f"{report.n_nonmanifold_edges} edges have more than two triangles"),
-        "oriented": _yes(report.oriented, f"{report.n_misoriented_edges} edges disagree")
-        + (f", {side}" if report.closed and report.oriented else ""),
+        "oriented": _yes(report.oriented, f"{report.n_misoriented_edges} edges disagree") + side,
         "pieces": str(report.n_components),
         "degenerate": f"{report.n_degenerate_triangles} triangles without area",
         "area": f"{report.area:.6g}",

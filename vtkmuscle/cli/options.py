@@ -135,12 +135,9 @@ def one_clear_error(out: Path | None) -> Iterator[None]:
             if out is not None:
                 check_name(out)
             yield
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, MemoryError) as error:
         for fault in getattr(error, "faults", (error,)):
             print_error(f"error: {_words(fault)}")
-        raise typer.Exit(BAD_INPUT) from error
-    except MemoryError as error:
-        print_error("error: out of memory")
         raise typer.Exit(BAD_INPUT) from error
     except (KeyboardInterrupt, Exception) as stop:
         if type(stop).__module__.startswith(("typer", "click")):
@@ -193,7 +190,7 @@ def stop_if_interrupted() -> None:
 
 
 def _words(error: Exception) -> str:
-    words = str(error)
+    words = "out of memory" if isinstance(error, MemoryError) else str(error)
     if isinstance(error, InputError):
         words = in_words(error.where, error.problem, error.remedy)
     elif isinstance(error, OSError) and error.strerror:

@@ -15,6 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkDataObject, vtkMultiB
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import edge_uses
 from vtkmuscle.core.types import Floats, Ints
 
@@ -150,6 +151,11 @@ class Polylines:
     def __len__(self) -> int:
         return len(self.offsets) - 1
 
+    @property
+    def lengths(self) -> Floats:
+        """Length of each line (k,)."""
+        return polyline_lengths(self.points, self.offsets)
+
     def line(self, i: int) -> Floats:
         """Return the points of line i, a view."""
         return self.points[self.offsets[i] : self.offsets[i + 1]]
@@ -203,7 +209,7 @@ def add_arrays(
     cells: Mapping[str, NDArray[Any]] | None = None,
     fields: Mapping[str, Any] | None = None,
 ) -> Data:
-    """Add copies of arrays by name; a field is an array, a number, a string or a list of strings."""
+    """Add copies of arrays by name. A field is an array, a number, a string or a list of strings."""
     for owner, arrays in (("Point", points), ("Cell", cells)):
         for name, values in (arrays or {}).items():
             getattr(data, f"Get{owner}Data")().AddArray(vtk_array(np.asarray(values), name))

@@ -132,10 +132,7 @@ def areas_of_role(areas: Sequence[AttachmentArea], role: str) -> list[Attachment
 
 
 def via_rings_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:
-    """Return the via rings of :func:`attachments_of`.
-
-    :func:`vtkmuscle.core.paths.via_rings.via_ring` gives the rings' planes and polygons.
-    """
+    """Return the via rings of :func:`attachments_of`, for :func:`vtkmuscle.core.paths.via_rings.via_ring`."""
     return [area for area in attachments_of(data, where) if area.role == VIA]
 
 
@@ -153,10 +150,7 @@ def rings_by_bone(
 
 
 def landmarks_of(data: vtkPolyData, where: str) -> tuple[NDArray[np.float64], bool]:
-    """Return an area's landmarks, and whether they form a ring.
-
-    ValueError for a coordinate that is not finite, or several polylines.
-    """
+    """Return an area's landmarks, and if they form a ring; ValueError if not finite, or several lines."""
     points = arrays.points_of(data)
     if not np.isfinite(points).all():
         raise InputError(where, "some landmarks are not finite")

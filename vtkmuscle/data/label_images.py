@@ -131,10 +131,7 @@ MOST = 65535
 
 
 def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, str]) -> vtkImageData:
-    """Return an image of named labels (nk, nj, ni).
-
-    The frame (4, 4) maps voxel indices (i, j, k) to centre positions [mm]; voxels are right-angled.
-    """
+    """Return an image of named labels (nk, nj, ni), with the frame of :class:`Label`."""
     image = vtkImageData()
     image.SetDimensions(*voxels.shape[::-1])
     spacing = np.linalg.norm(frame[:3, :3], axis=0)
@@ -149,10 +146,7 @@ def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, 
 
 @dataclass(frozen=True, eq=False)
 class Label:
-    """A label of an image: value, voxels, box, frame.
-
-    The frame (4, 4) maps voxel indices (i, j, k) to centre positions [mm].
-    """
+    """A label of an image: value, voxels, box. The frame (4, 4) maps voxels (i, j, k) to centres [mm]."""
 
     value: int
     voxels: NDArray[np.integer]
@@ -258,10 +252,7 @@ def evened(
 def decimated(
     points: Floats, triangles: Ints, n_triangles: int, *, regular: bool = False
 ) -> tuple[Floats, Ints]:
-    """Return a surface with about `n_triangles` triangles.
-
-    Garland, Heckbert 1997, *Surface simplification using quadric error metrics*, doi:10.1145/258734.258849.
-    """
+    """Return a surface of about `n_triangles` (Garland, Heckbert 1997, doi:10.1145/258734.258849)."""
     decimation = vtkQuadricDecimation()
     decimation.SetRegularize(regular)
     decimation.SetInputData(surface_from(points, triangles))

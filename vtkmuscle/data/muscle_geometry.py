@@ -145,10 +145,7 @@ class Neighbours:
         self._allowances: dict[int, list[Floats]] = {}
 
     def at(self, muscles: vtkMultiBlockDataSet | None) -> list[Any]:
-        """Return a Neighbour for each muscle in a pose, a tuple of them for several levels.
-
-        Muscles are surfaces of triangles with the point array ``Displacement``.
-        """
+        """Return a Neighbour (or several levels) for each muscle, with the point array ``Displacement``."""
         neighbours: list[Any] = []
         for number, (name, block) in enumerate([] if muscles is None else blocks_of(muscles)):
             where = f"neighbours, block {name!r}"
@@ -257,11 +254,7 @@ def _together(
     *,
     takes: tuple[float, float],
 ) -> EndSurface:
-    """Return areas and separate surfaces (points, triangles) as one end surface.
-
-    `takes` is the range of an :class:`EndSurface` on the muscle's surface; a surface within the muscle has
-    two faces.
-    """
+    """Return areas and separate surfaces as one end surface; `takes` is a range on the muscle's surface."""
     patches: list[Ints] = []
     points, triangles, first = [geometry.points], [geometry.triangles], len(geometry.points)
     for number, shape in enumerate(shapes):

@@ -16,7 +16,6 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, cell_array, names_of, point_array, polylines_of
 
@@ -24,7 +23,7 @@ from vtkmuscle.data.arrays import Polylines, add_arrays, cell_array, names_of, p
 def checked_superficial(data: vtkPolyData, where: str) -> Polylines:
     """Return superficial fibres; ValueError as :func:`polylines_of`, or if all lengths are 0."""
     lines = polylines_of(data, where)
-    if not polyline_lengths(lines.points, lines.offsets).max() > 0.0:
+    if not lines.lengths.max() > 0.0:
         remedy = "digitise two points or more per fibre"
         raise InputError(where, "all fibres have length 0, so there is no direction", remedy)
     return lines
@@ -62,7 +61,7 @@ def path_lines_of(data: vtkPolyData, where: str) -> PathLines | None:
 
 
 class Paths(NamedTuple):
-    """The lengths and rest lengths (k,), points (k, n, 3) and levers (k,) of a muscle's paths in a pose.
+    """A muscle's paths in a pose. Lengths and rest lengths (k,), points (k, n, 3) and levers (k,).
 
     Levers are by coordinate, per radian or millimetre, positive if the pull increases the coordinate.
     """

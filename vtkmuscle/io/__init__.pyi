@@ -28,13 +28,11 @@ from .msf import (
 )
 from .surfaces import (
     SURFACE_SUFFIXES as SURFACE_SUFFIXES,
-    read_polydata as read_polydata,
-    read_surface as read_surface,
-)
-from .temporal import (
     Collection as Collection,
     Series as Series,
     TimeSeries as TimeSeries,
+    read_polydata as read_polydata,
     read_series as read_series,
+    read_surface as read_surface,
 )
 from .writing import write_polydata as write_polydata, write_text as write_text

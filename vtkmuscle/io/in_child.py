@@ -1,6 +1,4 @@
-"""Read files by VTK in a child process.
-
-Damaged files can crash VTK's readers.
+"""Read files by VTK in a child process, because damaged files can crash VTK's readers.
 
 The process starts with the first file and reads all files of a run; after a crash the next file gets a new
 process. In programs other than Python, such as ParaView, files are read directly.

@@ -30,11 +30,7 @@ _DECIMAL = "separate numbers by commas, and write decimals with a point"
 
 @dataclass(frozen=True, eq=False)
 class NamedPoints:
-    """Points (n, 3) with names, "" for no name.
-
-    ``closed`` tells whether the points form a ring. The frame is ``"LPS"``, ``"RAS"``, or None if
-    unspecified.
-    """
+    """Points (n, 3) with names or "". Perhaps a closed ring; the frame is ``"LPS"``, ``"RAS"`` or unknown."""
 
     names: tuple[str, ...]
     points: Floats

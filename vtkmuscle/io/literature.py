@@ -107,10 +107,7 @@ def curves_for(
 
 @dataclass(frozen=True, eq=False)
 class DrawnCurve:
-    """A line or a band in a figure: angles (n,) [degrees] and arms (n,) [mm].
-
-    ``upper`` (n,) is the upper side of a band, None for a line.
-    """
+    """A line or a band in a figure. Angles (n,) [degrees] and arms (n,) [mm], up to ``upper`` (n,)."""
 
     source: str
     label: str

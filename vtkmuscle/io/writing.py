@@ -156,12 +156,8 @@ class Outputs:
             partial.replace(path)
 
     def _record(self) -> dict[str, list[str]]:
-        try:
-            record = json.loads((self.folder / RECORD).read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError):
-            return {}
-        good = isinstance(record, dict) and all(isinstance(each, list) for each in record.values())
-        return record if good else {}
+        record = record_in(self.folder / RECORD)
+        return record if all(isinstance(each, list) for each in record.values()) else {}
 
     def _is_recorded(self, path: Path) -> bool:
         inside = self.folder in path.parents
@@ -222,6 +218,15 @@ def write_json(path: Path, value: Any, **options: Any) -> None:
     write_text(path, json.dumps(value, default=plain, **options) + "\n")
 
 
+def record_in(path: Path) -> dict[str, Any]:
+    """Return the mapping in a JSON file, empty if missing or damaged."""
+    try:
+        record = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return record if isinstance(record, dict) else {}
+
+
 def write_polydata(path: Path, data: vtkPolyData) -> None:
     """Write a .vtp file, all or nothing: binary, with exact doubles; OSError if VTK cannot.
 
@@ -279,11 +284,9 @@ def locked(folder: Path, *, patience: float = 0.0) -> Iterator[None]:
         except OSError as error:  # a file system without locks
             warnings.warn(f"{folder} cannot be locked ({error.strerror}); start no second run", stacklevel=6)
             break
-        try:
+        with suppress(FileNotFoundError):  # the previous run may have just removed the file
             if os.stat(path).st_ino == os.fstat(descriptor).st_ino:
                 break
-        except FileNotFoundError:  # the previous run has just removed the file
-            pass
         os.close(descriptor)
     try:
         os.ftruncate(descriptor, 0)

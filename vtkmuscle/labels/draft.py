@@ -110,7 +110,7 @@ class Draft:
         if not missing:
             return
         bones = self.candidate_bones(muscle)
-        bodies = guessing.bodies_of(bones, self.joints)
+        bodies = {bone: (guessing.moving_chain(bone, self.joints) or [""])[0] for bone in bones}  # "": rests
         groups = [[bone for bone in bones if bodies[bone] == body] for body in dict.fromkeys(bodies.values())]
         areas = estimated_areas(self.muscles[muscle], bones, within=self.within, bodies=groups, **named)
         depth = {area.role: len(guessing.moving_chain(area.bone, self.joints)) for area in areas}

@@ -247,8 +247,3 @@ def moving_chain(bone: str, joints: Mapping[str, Mapping[str, Any]]) -> list[str
         chain += [bone] if above[bone]["type"] != "weld" else []
         bone = above[bone]["parent"]
     return chain
-
-
-def bodies_of(bones: Mapping[str, vtkPolyData], joints: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
-    """Return the rigid body of each bone; "" at rest."""
-    return {bone: (moving_chain(bone, joints) or [""])[0] for bone in bones}

@@ -31,8 +31,7 @@ from vtkmuscle.opensim.model import checked_model
 from vtkmuscle.opensim.muscle_paths import MusclePath, moment_arm
 from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
 from vtkmuscle.run.result import Result
-from vtkmuscle.scene.data import MILLIMETRES
-from vtkmuscle.scene.faults import SceneError, SceneFiles, parsed
+from vtkmuscle.scene.data import MILLIMETRES, SceneError, SceneFiles, parsed
 from vtkmuscle.scene.joints import SceneJoints, coordinate_values, joints_of, pin_joint_of
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scenes import Scene

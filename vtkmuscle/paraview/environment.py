@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import sys
 from importlib import metadata
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import vtkmuscle
 from vtkmuscle.core.machine import FOLDER_VARIABLE, cache_folder
-from vtkmuscle.io.writing import write_json
+from vtkmuscle.io.writing import record_in, write_json
 
 _HERE = Path(__file__).resolve().parent
 #: Folder that ParaView loads at start-up.
@@ -46,7 +45,7 @@ def link_packages(folder: Path) -> None:
     targets = {package, *(target for name in DISTRIBUTIONS for target in _top_level(name))}
     wanted = {target.name: str(target) for target in targets}
     folder.mkdir(parents=True, exist_ok=True)
-    ours = _our_links(folder)
+    ours = record_in(folder / _RECORD)
     for old in sorted(folder.iterdir()):
         if old.name == _RECORD:
             continue
@@ -62,15 +61,6 @@ def link_packages(folder: Path) -> None:
         if not (folder / name).is_symlink():
             (folder / name).symlink_to(target)
     write_json(folder / _RECORD, wanted)
-
-
-def _our_links(folder: Path) -> dict[str, str]:
-    """Return the target of each link made in a folder."""
-    try:
-        record = json.loads((folder / _RECORD).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return {str(name): str(target) for name, target in record.items()} if isinstance(record, dict) else {}
 
 
 def _top_level(name: str) -> set[Path]:

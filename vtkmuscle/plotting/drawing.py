@@ -1,7 +1,4 @@
-"""Figures to be drawn, and the test of off-screen rendering.
-
-A faulty driver may end the process in VTK, so a child process renders first.
-"""
+"""Figures to be drawn. A child process, which a driver may end, tests off-screen rendering."""
 
 from __future__ import annotations
 

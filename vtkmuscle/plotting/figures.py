@@ -20,7 +20,6 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
@@ -120,11 +119,10 @@ def plot_muscle(
     view = views.clearest_view([frame.muscle for frame in frames], hiding)
     (view, *_) = sheets.fitted([view] * len(frames), width)
     strains: list[Floats] = []
-    limit = 1.0
+    limit, fibres = 1.0, [frame.fibres for frame in frames if frame.fibres is not None]
     if rest_fibres is not None:
-        rest_lengths = np.maximum(_lengths(rest_fibres), 1e-12)
-        fibres = [frame.fibres for frame in frames if frame.fibres is not None]
-        strains = [100.0 * (_lengths(lines) / rest_lengths - 1.0) for lines in fibres]
+        rest, *every = (polylines_of(data, "plotting: fibres").lengths for data in (rest_fibres, *fibres))
+        strains = [100.0 * (lengths / np.maximum(rest, 1e-12) - 1.0) for lengths in every]
         limit = max(limit, float(np.percentile(np.abs(strains), 98))) if strains else limit
     panels = []
     for frame, strain in zip_longest(frames, strains):
@@ -174,8 +172,8 @@ def plot_lengths(
         For ``savefig``.
     """
     values = np.asarray(lengths, dtype=np.float64)
-    figure = sheets.blank_figure(width / sheets.INCH, min(0.75 * width / sheets.INCH, 4.2))
-    figure.set_layout_engine("constrained")
+    high = min(0.75 * width / sheets.INCH, 4.2)
+    figure = sheets.blank_figure(width / sheets.INCH, high, "constrained")
     figure.suptitle(title, fontsize="large")
     axes = figure.subplots()
     axes.set(xlabel=time_label, ylabel=f"{of} length [mm]")
@@ -209,11 +207,6 @@ def _lines(x: Floats, values: Floats, **look: Any) -> LineCollection:
     """Return thin lines (n, k) over x (n,), as a collection for speed."""
     points = np.stack([np.broadcast_to(x[:, None], values.shape), values], axis=2)
     return LineCollection(list(points.swapaxes(0, 1)), linewidths=0.7, **look)
-
-
-def _lengths(fibres: vtkPolyData) -> Floats:
-    lines = polylines_of(fibres, "plotting: fibres")
-    return polyline_lengths(lines.points, lines.offsets)
 
 
 #: Height of the curves of a coordinate, and of the picture of the muscle, at most [inches].
@@ -266,23 +259,18 @@ def plot_moment_arms(
         colours = position_colours(positions)
         actors = actors_of([rest.muscle], view, fibres=rest.fibres, colours=colours, finer=studio.finer)
         panel = sheets.Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
-    left, above = (0.0, 0.0) if panel is None else (panel.inches[0] + 0.1, panel.inches[1] + 0.25)
-    left, above = (left, 0.0) if beside else (0.0, above)
+    across, high = (0.0, 0.0) if panel is None else panel.inches
+    left, above = (1.05 * across, 0.0) if beside else (0.0, 1.1 * high)
     curves_high, title = _HEIGHT * len(arms), rest.label if rest is not None else ""
     height = curves_high + above + (0.25 if title else 0.0)
     figure = sheets.blank_figure(wide, height)
     figure.set_layout_engine("constrained", rect=(left / wide, 0.0, 1.0 - left / wide, curves_high / height))
     figure.text(0.5, 1.0 - 0.15 / height, title, ha="center", va="center", fontsize="large")
     if panel is not None:
-        corner = (
-            (0.05, curves_high - panel.inches[1] - 0.05)
-            if beside
-            else ((wide - panel.inches[0]) / 2.0, curves_high + 0.02)
-        )
+        corner = (0.05, curves_high - high - 0.05) if beside else ((wide - across) / 2.0, curves_high)
         panel.add_to(figure, corner, units)
-    for axes, (name, joint_arms) in zip(
-        figure.subplots(len(arms), squeeze=False)[:, 0], arms.items(), strict=True
-    ):
+    panels = figure.subplots(len(arms), squeeze=False)[:, 0]
+    for axes, (name, joint_arms) in zip(panels, arms.items(), strict=True):
         _draw_arms(axes, joint_arms, positions)
         unit = ANGLES.get(joint_arms.unit)
         if unit is not None:

@@ -62,10 +62,7 @@ class Panel:
 
 
 class Pixels(Artist):
-    """An image (height, width, 3) on a figure, pixel for pixel.
-
-    ``corner`` is the lower left corner [inches].
-    """
+    """An image (height, width, 3) on a figure, pixel for pixel, at a lower left corner [inches]."""
 
     def __init__(self, image: NDArray[np.uint8], corner: tuple[float, float]) -> None:
         super().__init__()
@@ -138,15 +135,15 @@ def set_style() -> None:
     rcParams.update(_STYLE)
 
 
-def blank_figure(width: float, height: float) -> Figure:
-    """Return a white figure of a size [inches]."""
-    figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, facecolor="white")
+def blank_figure(width: float, height: float, layout: Any = None) -> Figure:
+    """Return a white figure of a size [inches], with a layout of matplotlib."""
+    figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, facecolor="white", layout=layout)
     FigureCanvasAgg(figure)
     return figure
 
 
 def save_figure(figure: Figure, path: Path, form: str = "png", dpi: float = 150.0) -> None:
-    """Write a figure as png, pdf or svg, all or nothing; text and lines stay vectors in pdf and svg."""
+    """Write a figure as png, pdf or svg, all or nothing. Text and lines stay vectors in pdf and svg."""
     options: dict[str, Any] = {"pil_kwargs": {"compress_level": 1}}
     if form != "png":
         options = {"metadata": {{"pdf": "CreationDate", "svg": "Date"}[form]: None}}

@@ -27,10 +27,7 @@ SPREAD = 10_000
 
 @dataclass(frozen=True, eq=False)
 class DrawnBone:
-    """A bone at rest with few triangles, and the original's unit normals at the points (n, 3).
-
-    ``solid`` says that the original is closed and faces outward, so that back faces are invisible.
-    """
+    """A bone of few triangles with its original's normals; ``solid`` if it is closed, facing outward."""
 
     points: Floats
     triangles: Ints

@@ -196,7 +196,7 @@ MINUS = "\u2212"
 
 
 class Measure(NamedTuple):
-    """A shape measure on a page: key in the rows, check with the limits, titles of curve and column.
+    """A shape measure on a page. Key in the rows, check with the limits, titles of curve and column.
 
     ``factor`` times the value plus ``offset`` has the unit of the limits; ``of_all`` names the function of
     NumPy that gives the value in the table from the sizes in all frames.

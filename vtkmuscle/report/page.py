@@ -88,10 +88,10 @@ def rendered(template: str, **values: Any) -> str:
         keep_trailing_newline=True,
         undefined=jinja2.StrictUndefined,
     )
-    environment.tests["contains"] = contains
+    environment.globals["part"], environment.tests["contains"] = part, contains
     environment.filters |= {"number": number, "label": label_of, "file_name": lambda path: Path(path).name}
     page = environment.get_template(template)
-    return page.render(version=__version__, style=part("style.css"), **values)
+    return page.render(version=__version__, **values)
 
 
 def shown_rows(table: Mapping[str, NDArray[Any]]) -> list[Sequence[str]]:
@@ -123,11 +123,6 @@ def svg_curve(x: Floats, y: Floats, x_unit: str, y_unit: str) -> dict[str, Any]:
 
 #: Number of muscles above which the cards are collapsed.
 MANY = 6
-#: Parts of the page's program, in loading order.
-_SCRIPTS = (
-    *("arrays.js", "webgl.js", "shaders.js", "colours.js", "shapes.js", "camera.js", "viewer.js"),
-    *("saving.js", "charts.js", "curves.js", "page.js"),
-)
 
 
 def write_page(path: str | PathLike[str], run: Result) -> Path:
@@ -145,7 +140,6 @@ def page_of(run: Result) -> str:
         "report.html",
         run=run,
         many=MANY,
-        script=Markup("\n").join(map(part, _SCRIPTS)),
         span=[number(run.times[0]), number(run.times[-1])],
         angles=ANGLES,
         quantities=QUANTITIES,

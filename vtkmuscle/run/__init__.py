@@ -1,7 +1,4 @@
-"""Running a scene: muscles measured, results written to a folder.
-
-Every muscle is measured over the motion.
-"""
+"""Running a scene: muscles measured over the motion, results written to a folder."""
 
 import lazy_loader
 

@@ -36,7 +36,7 @@ FORMS = ("png", "pdf", "svg")
 
 
 class Drawing:
-    """The figures of a run in a folder; the processes of a pool draw them while muscles are solved."""
+    """The figures of a run in a folder. The processes of a pool draw them while muscles are solved."""
 
     def __init__(self, folder: Path, pool: Pool | None, bones: DrawnBones) -> None:
         self._folder, self._pool, self._bones, self._orders = folder, pool, bones, list[FigureOrder]()
@@ -81,9 +81,8 @@ def write_figures(
     if not 20.0 <= dpi <= 2400.0:
         raise InputError("", f"dpi is {dpi:g}, but must be 20 to 2400", "e.g. 300")
     if not 60.0 <= width <= 400.0:
-        raise InputError(
-            "", f"width is {width:g} mm, but must be 60 to 400", "journals have columns of 85 and 180"
-        )
+        problem = f"width is {width:g} mm, but must be 60 to 400"
+        raise InputError("", problem, "journals have columns of 85 and 180")
     reason = can_render()
     if reason is not None:
         raise RuntimeError(f"no figures can be made: {reason}")

@@ -190,7 +190,7 @@ class Frames(Sequence[vtkPolyData]):
 
 
 class FibreNumbers(NamedTuple):
-    """Measures (k,) of the fibres in a frame, and levers of the paths by coordinate, None without paths."""
+    """Measures (k,) of the fibres in a frame. Levers of the paths are by coordinate, None without paths."""
 
     columns: dict[str, Floats]
     levers: dict[str, Floats] | None = None

@@ -109,10 +109,7 @@ class MuscleMeasure:
         }
 
     def depths(self, points: Floats, transforms: Mapping[str, Floats]) -> Floats | None:
-        """Return the depths (n,) of points (n, 3) in bones.
-
-        In the scene's unit, into the exact surfaces, 0 outside; None without a bone with an inside.
-        """
+        """Return the depths (n,) of points (n, 3) in bones. 0 outside; None without a bone with an inside."""
         if not self._shapes:
             return None
         posed = ((bone, transforms.get(name, np.eye(4))) for name, bone in self._shapes.items())
@@ -121,10 +118,9 @@ class MuscleMeasure:
     def fibres(
         self, fibre_points: Floats, offsets: Ints, points: Floats, depths: Floats | None
     ) -> dict[str, Any]:
-        """Return how far fibres leave the muscle or enter bones.
+        """Return how far the points (p, 3) of fibres leave the muscle, or enter bones since rest.
 
-        The depth in bones is the increase since rest. ``fibre_points`` (p, 3) are the points of the fibres,
-        ``points`` (n, 3) the points of the muscle, and ``depths`` (p,) the depths of the fibre points.
+        ``depths`` (p,) are those of the fibre points, ``points`` (n, 3) the muscle's.
         """
         self._bent = tree_of_deformed(self._bent, points, self._triangles)
         outside = fibre_points[~points_inside(fibre_points, self._bent)]

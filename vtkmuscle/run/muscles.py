@@ -15,7 +15,6 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data import arrays
 from vtkmuscle.data.attachments import VIA
@@ -240,8 +239,7 @@ class MuscleRun:
         motion = self.scene.motion.part(self.run.numbers[: len(rows)]) if rows else None
         history = None
         if track.fibre_lengths and track.rest_fibres is not None and motion is not None:
-            rest = arrays.polylines_of(track.rest_fibres, "fibres")
-            rest_lengths = polyline_lengths(rest.points, rest.offsets) * self.scene.millimetres
+            rest_lengths = arrays.polylines_of(track.rest_fibres, "fibres").lengths * self.scene.millimetres
             paths = np.array(track.lengths) if track.lengths else None
             history = FibreHistory(np.array(track.fibre_lengths), rest_lengths, track.report["fibres"], paths)
         sizes: dict[str, Any] = {"n_edges": measure.n_edges, "size": measure.size}
@@ -259,7 +257,7 @@ class MuscleRun:
 
     @contextmanager
     def _timed(self, stage: str, last: Filter | None = None) -> Iterator[Callable[[], float]]:
-        """Add the time to a stage, whose filters the stop flag aborts; yield a function for the time."""
+        """Add the time to a stage. The stop flag aborts its filters; yields a function for the time."""
         before = after = self.clock()
         chain = () if last is None else upstream(last)
         observed = [(each, each.AddObserver("ProgressEvent", self._on_progress)) for each in chain]

@@ -1,7 +1,4 @@
-"""Processes that solve muscles and draw figures side by side.
-
-Python's lock is held for 0.72 of the time of a frame, so threads gain little.
-"""
+"""Processes that solve muscles and draw figures. Python's lock is held for 0.72 of the time of a frame."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.fibres import measures as of_fibres
-from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
+from vtkmuscle.core.mesh.polylines import end_directions
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Floats
@@ -63,7 +63,7 @@ def architecture_of(
     profile = of_fibres.area_profile(*surface, geometry.samples(SAMPLES), lines.points, lines.offsets)
     shares = of_fibres.TENDON_AREA, *of_fibres.TENDON_AREAS
     found, *ends = of_fibres.fascicles(profile, volume, lines.points, lines.offsets, shares=shares)
-    whole = polyline_lengths(lines.points, lines.offsets)
+    whole = lines.lengths
     source, lengths, by_thickness = "estimate", found.lengths, found.lengths.mean()
     of_ends = [one.lengths for one in ends]
     if aponeuroses is not None:

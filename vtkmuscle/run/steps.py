@@ -17,7 +17,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, check_name, fault_of
 from vtkmuscle.core.mesh.shared import keep_shared
-from vtkmuscle.io.temporal import Series
+from vtkmuscle.io.surfaces import Series
 from vtkmuscle.io.writing import Outputs, file_digest
 from vtkmuscle.plotting.views import DrawnBones
 from vtkmuscle.run.figures import Drawing, figures_of_muscle, rest_pose_of
@@ -30,8 +30,7 @@ from vtkmuscle.run.store import FORMAT, PAGE
 from vtkmuscle.run.store.writing import DIGITS, ResultWriter, claimed, remove_results, scene_file
 from vtkmuscle.run.table import MomentArmTable, Table, error_sizes
 from vtkmuscle.run.verdict import Judged, further_reasons, missing_checks, with_reasons
-from vtkmuscle.scene.data import SceneData
-from vtkmuscle.scene.faults import SceneError
+from vtkmuscle.scene.data import SceneData, SceneError
 from vtkmuscle.scene.sense import check_sense
 
 #: Longest wait of the main thread [s]: on some systems Ctrl-C arrives only after it.

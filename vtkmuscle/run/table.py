@@ -26,7 +26,7 @@ from vtkmuscle.io.writing import plain_cell, replacing
 LENGTHS = ("muscle", "fibre", "frame", "time", "length_mm", "mean_error_mm")
 #: Columns of the table of moment arms: a row per muscle, coordinate, fibre and value of the coordinate.
 #: ``slope_mm`` is -dl/dq by differences.
-ARMS = (*("muscle", "coordinate", "unit", "fibre", "value", "moment_arm_mm", "slope_mm", "quartic_mm"),)
+ARMS = ("muscle", "coordinate", "unit", "fibre", "value", "moment_arm_mm", "slope_mm", "quartic_mm")
 #: Columns of its summary: a row per muscle, coordinate and value.
 SUMMARY = (
     *("muscle", "coordinate", "unit", "value"),

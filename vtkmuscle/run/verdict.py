@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from vtkmuscle.core.errors import fault_of
-from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.levers import even_stretches, largest_turns, length_jumps
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
@@ -19,8 +18,7 @@ from vtkmuscle.data import toml_table
 from vtkmuscle.data.anatomy import PERSONAL, published, published_coordinate
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.run.frames import MuscleTrack
-from vtkmuscle.scene.data import SceneData
-from vtkmuscle.scene.faults import SceneError
+from vtkmuscle.scene.data import SceneData, SceneError
 from vtkmuscle.scene.sense import FULL_SIZE
 
 
@@ -59,10 +57,7 @@ VERDICTS = (OK, LOOK, FAILED)
 
 @dataclass(frozen=True)
 class Reason:
-    """A reason of a verdict: the worst frame of a check, its ``value`` and the ``limit`` in ``unit``.
-
-    ``says`` is the problem in words, and ``do`` the remedy.
-    """
+    """The worst frame of a check. Value and limit have a ``unit``; ``says`` is the problem, ``do`` helps."""
 
     check: str
     verdict: str
@@ -212,7 +207,7 @@ MARGIN = 15.0
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A muscle with all that is known of its results; lengths of paths are per frame and path [mm]."""
+    """A muscle with all that is known of its results. Lengths of paths are per frame and path [mm]."""
 
     name: str
     scene: SceneData
@@ -230,8 +225,8 @@ class Judged:
         """Mean length of the fibres at rest, tendon included [mm]; 0 without fibres."""
         if self.track.rest_fibres is None:
             return 0.0
-        lines = polylines_of(self.track.rest_fibres, "fibres")
-        return float(polyline_lengths(lines.points, lines.offsets).mean()) * self.scene.millimetres
+        lengths = polylines_of(self.track.rest_fibres, "fibres").lengths
+        return float(lengths.mean()) * self.scene.millimetres
 
 
 def further_reasons(muscle: Judged, odd: Sequence[SceneError]) -> Iterator[Reason]:

@@ -5,7 +5,6 @@
 combines all parts.
 """
 
-from vtkmuscle.scene.data import Muscle, SceneData
-from vtkmuscle.scene.faults import SceneError
+from vtkmuscle.scene.data import Muscle, SceneData, SceneError
 
 __all__ = ["Muscle", "SceneData", "SceneError"]

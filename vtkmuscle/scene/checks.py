@@ -17,8 +17,7 @@ from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, points_of
 from vtkmuscle.data.attachments import VIA, AttachmentArea
 from vtkmuscle.data.paths import checked_superficial
-from vtkmuscle.scene.data import Muscle, SceneData
-from vtkmuscle.scene.faults import Faults, errors_at
+from vtkmuscle.scene.data import Faults, Muscle, SceneData, errors_at
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scene.writing import tables_of
 

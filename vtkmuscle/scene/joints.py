@@ -22,8 +22,7 @@ from vtkmuscle.joints import grid_of, steps_of
 from vtkmuscle.joints.functions import IDENTITY, CoordinateFunction, CubicSpline, Polynomial
 from vtkmuscle.joints.osim import read_motion_file, read_tree
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
-from vtkmuscle.scene.data import MILLIMETRES
-from vtkmuscle.scene.faults import Faults, SceneError, SceneFiles, errors_at
+from vtkmuscle.scene.data import MILLIMETRES, Faults, SceneError, SceneFiles, errors_at
 from vtkmuscle.scene.schema import ALONE, MOST_FRAMES, Motion, SceneTable
 from vtkmuscle.scene.schema_types import Axis, Function, JointTable, OpenSimTable
 
@@ -94,10 +93,7 @@ _STEP = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class SceneJoints:
-    """A scene's kinematic tree, and the body of each bone.
-
-    ``frame`` is the body with the scene's frame at rest, ``fixed`` the body that does not move.
-    """
+    """A scene's kinematic tree and bodies of bones; ``frame`` has the scene's frame, ``fixed`` rests."""
 
     tree: KinematicTree
     bodies: dict[str, str]

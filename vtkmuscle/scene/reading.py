@@ -23,8 +23,7 @@ from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.attachments import ROLES, SIDES, VIA, Aponeurosis, AttachmentArea
 from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
 from vtkmuscle.scene.checks import turned_over
-from vtkmuscle.scene.data import MILLIMETRES, Muscle
-from vtkmuscle.scene.faults import Faults, SceneError, SceneFiles, errors_at, parsed
+from vtkmuscle.scene.data import MILLIMETRES, Faults, Muscle, SceneError, SceneFiles, errors_at, parsed
 from vtkmuscle.scene.joints import joints_of, motion_from
 from vtkmuscle.scene.schema import Aponeuroses, Area, Estimate, SceneTable
 from vtkmuscle.scene.validation import validated

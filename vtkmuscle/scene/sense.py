@@ -20,8 +20,7 @@ from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.anatomy import JOINTS, stem_of
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
-from vtkmuscle.scene.data import MILLIMETRES, Anatomy, Muscle, RestSurface, SceneData
-from vtkmuscle.scene.faults import Finding, SceneError
+from vtkmuscle.scene.data import MILLIMETRES, Anatomy, Finding, Muscle, RestSurface, SceneData, SceneError
 
 #: Plausible longest sides of all bones and muscles [mm]: the tallest person was 2720 mm. Ten times the length
 #: is certainly in another unit.
@@ -88,7 +87,9 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     if scene.muscle_contact != "off":
         yield from _twice(anatomy)
     yield from _guessed(scene)
-    yield from motion_findings(scene, anatomy)
+    yield from _coordinates(scene)
+    yield from _steps(scene, anatomy)
+    yield from _gaps(scene, anatomy)
 
 
 def _position(point: Any) -> str:
@@ -254,13 +255,6 @@ TORN = 2.0
 _GAP_POSES, _GAP_POINTS = 8, 2000
 
 
-def motion_findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
-    """Yield the implausible parts of a scene's motion."""
-    yield from _coordinates(scene)
-    yield from _steps(scene, anatomy)
-    yield from _gaps(scene, anatomy)
-
-
 def _turns(scene: SceneData, name: str) -> dict[str, Floats]:
     """Return each bone's angular velocity (m, 3) by a coordinate, per unit; 0 for bones at rest."""
     frames, twists = twists_by(scene.motion, name)
@@ -313,7 +307,7 @@ def _direction(
 
 
 def _steps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
-    """Yield the largest jump of the motion; steps are of all bones, as bones on a grid move in turn."""
+    """Yield the largest jump of the motion. Steps are of all bones, as bones on a grid move in turn."""
     steps = np.zeros(len(scene.motion.times) - 1)
     for bone in scene.motion.transforms.keys() & anatomy.bones.keys():
         table, points = scene.motion.transforms[bone], anatomy.bones[bone].points

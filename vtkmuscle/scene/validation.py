@@ -17,7 +17,7 @@ from vtkmuscle.data.attachments import ROLES, VIA
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.taut_paths import PATH_PRESETS
 from vtkmuscle.pipelines import DEFORMERS
-from vtkmuscle.scene.faults import Faults, SceneError
+from vtkmuscle.scene.data import Faults, SceneError
 from vtkmuscle.scene.schema import ALONE, ESTIMATE, TABLES, Estimate, Motion, MuscleTable, SceneTable
 from vtkmuscle.scene.schema_types import JOINT_KINDS, Fibres, Fixing, Function, JointTable, Paths, Solver
 from vtkmuscle.scene.writing import inline_toml

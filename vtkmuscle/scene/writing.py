@@ -12,7 +12,7 @@ import tomli_w
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.attachments import SIDES, VIA, AttachmentArea, aponeuroses_data
 from vtkmuscle.io import write_literature, write_motion_table, write_polydata, write_text
-from vtkmuscle.io.writing import Outputs
+from vtkmuscle.io.writing import Outputs, write_json
 from vtkmuscle.scene.data import Muscle, SceneData
 
 #: Schema by which 3D Slicer recognises its curves.
@@ -93,9 +93,7 @@ def write_areas(
         kind = "ClosedCurve" if area.closed else "Curve" if len(area.landmarks) > 1 else "Fiducial"
         points = [{"position": point, "positionStatus": "defined"} for point in area.landmarks.tolist()]
         curve = {"type": kind, "coordinateSystem": frame, "controlPoints": points}
-        write_text(
-            folder / table["landmarks"], json.dumps({"@schema": _SCHEMA, "markups": [curve]}, indent=1)
-        )
+        write_json(folder / table["landmarks"], {"@schema": _SCHEMA, "markups": [curve]}, indent=1)
     return tables
 
 

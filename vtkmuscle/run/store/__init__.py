@@ -1,4 +1,4 @@
-"""Folders of results, read: the report, a note per finished muscle, and the note of the finished run."""
+"""Folders of results, read. The report, a note per finished muscle, and the note of the finished run."""
 
 from __future__ import annotations
 
@@ -17,15 +17,14 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, PlainSerializer, Pla
 from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.errors import InputError, check_is_file
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import multiblock_from, points_of
 from vtkmuscle.io.literature import LiteratureCurve
-from vtkmuscle.io.surfaces import read_polydata
-from vtkmuscle.io.temporal import read_series
-from vtkmuscle.io.writing import file_digest
+from vtkmuscle.io.surfaces import read_polydata, read_series
+from vtkmuscle.io.writing import file_digest, record_in
 from vtkmuscle.run.frames import RUN_AGAIN, TIME, Frames, MuscleTrack, WrittenFile
 from vtkmuscle.run.report_values import version_of
 from vtkmuscle.scene.data import Muscle, SceneData
@@ -75,10 +74,7 @@ class _Table(BaseModel):
 
 
 class MuscleNote(_Table):
-    """The note of a finished muscle.
-
-    A digest of the input, the part of the report, lengths per frame, and the files.
-    """
+    """A finished muscle's note: digest of the input, part of the report, lengths per frame, files."""
 
     format: int = FORMAT
     key: str
@@ -154,13 +150,8 @@ class ResultFolder:
 
     def report(self) -> dict[str, Any] | None:
         """Return the report, None if missing or damaged."""
-        try:
-            check_is_file(self.path / REPORT)
-            report = json.loads((self.path / REPORT).read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError):
-            return None
-        good = isinstance(report, dict) and isinstance(report.get("muscles"), dict) and "complete" in report
-        return report if good else None
+        report = record_in(self.path / REPORT)
+        return report if isinstance(report.get("muscles"), dict) and "complete" in report else None
 
     def frames_there(self) -> dict[str, int]:
         """Return the number of listed frames per muscle. The lists of frames count, not the report."""

@@ -17,8 +17,8 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import add_arrays, blocks_of, shallow_copy
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io import writing
-from vtkmuscle.io.temporal import Collection as Pvd
-from vtkmuscle.io.temporal import Series
+from vtkmuscle.io.surfaces import Collection as Pvd
+from vtkmuscle.io.surfaces import Series
 from vtkmuscle.run import store
 from vtkmuscle.run.frames import STAMPS, MuscleTrack, WrittenFile
 from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, TRACK_FIELDS, MuscleNote, ResultFolder, RunNote
