@@ -28,6 +28,7 @@ LINES = {
     "result.muscle('spindle', frame=-1)": "",
     "result.muscle('spindle', time=2.4)": "",
     "result.verdict": "did you mean 'verdicts'",
+    "filters.FiberSmoother": "did you mean 'FibreSmoother'",
     "result.n_frames": "write len(frames)",
     "result['spindle'].pcsa": "architecture['pcsa_mm2']",
     "scene.export": "write vtkmuscle.export",

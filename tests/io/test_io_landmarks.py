@@ -7,6 +7,7 @@ import pytest
 
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from
 from vtkmuscle.io import read_landmarks, write_polydata
+from vtkmuscle.scene.writing import write_areas
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0.5], [0, 1, 0]])
 RING = np.vstack([SQUARE, SQUARE[:1]])
@@ -61,3 +62,18 @@ def test_what_cannot_be_read_is_named(name, text, message, tmp_path):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"a\.csv: there is no such file"):
         read_landmarks(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("frame", ["LPS", "RAS"])
+def test_areas_are_written_as_curves_that_slicer_recognises(frame, tmp_path):
+    areas = [
+        AttachmentArea("origin", "pelvis", SQUARE, True),
+        AttachmentArea("insertion", "femur", SQUARE, False),
+    ]
+    for table, area in zip(write_areas(tmp_path, "iliacus", areas, frame), areas, strict=True):
+        content = json.loads((tmp_path / table["landmarks"]).read_text())
+        assert "/markups-schema-v1." in content["@schema"]
+        assert content["markups"][0]["type"] == ("ClosedCurve" if area.closed else "Curve")
+        landmarks, closed = read_landmarks(tmp_path / table["landmarks"], frame=frame)
+        np.testing.assert_array_equal(landmarks, SQUARE)
+        assert closed is area.closed

@@ -79,22 +79,19 @@ class FibreTemplate:
         """Return the corners of the parts' areas, (n, 4, 3). Origin 0 or insertion -1."""
         return np.array([sheets[sheet] for sheets in self.parts])
 
-    def control_polygons(self, r: ArrayLike, s: ArrayLike) -> Floats:
-        """Return the control points of fibres. Points (n, degree + 1, 3), parameters r, s (n,)."""
-        n_parts = len(self.parts)
-        along = np.asarray(r, dtype=np.float64) * n_parts
-        part = np.minimum(along.astype(np.int64), n_parts - 1)
-        u, v = along - part, np.asarray(s, dtype=np.float64)
-        weights = np.stack([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v], axis=-1)
-        return np.asarray(np.einsum("nc,nkcd->nkd", weights, np.array(self.parts)[part]))
-
     def fibres(self, r: ArrayLike, s: ArrayLike, t: ArrayLike) -> Floats:
         """Return points (n, m, 3) of fibres. They run from origin to insertion.
 
         Parameters r, s (n,) of the fibres and t (m,) of the points in [0, 1]; points are in the unit cube.
         """
+        n_parts = len(self.parts)
+        along = np.asarray(r, dtype=np.float64) * n_parts
+        part = np.minimum(along.astype(np.int64), n_parts - 1)
+        u, v = along - part, np.asarray(s, dtype=np.float64)
+        weights = np.stack([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v], axis=-1)
+        polygons = np.einsum("nc,nkcd->nkd", weights, np.array(self.parts)[part])
         # Rounding must not lift a point out of the cube.
-        return np.asarray(np.clip(bezier(self.control_polygons(r, s), t), 0.0, 1.0))
+        return np.asarray(np.clip(bezier(polygons, t), 0.0, 1.0))
 
 
 def bezier(polygons: Floats, t: ArrayLike) -> Floats:
@@ -186,8 +183,6 @@ _KINDS = tomllib.loads((files("vtkmuscle.core") / "templates.toml").read_text(en
 #: The template of each kind.
 TEMPLATES = {kind: template_from(content, "templates.toml") for kind, content in _KINDS.items()}
 KINDS = tuple(TEMPLATES)
-
-
 #: Costs equal within this difference tie, as a template's symmetries do; the first box counts.
 TIE = 1e-9
 #: Shortest edge of an outline, as a part of its length: shorter edges come from rounding.

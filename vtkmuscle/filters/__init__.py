@@ -15,10 +15,19 @@ from typing import Any
 import lazy_loader
 
 #: Names are in the stub file; the first use of a name loads its module.
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_attribute, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> Any:
+    try:
+        return _attribute(name)
+    except AttributeError as error:
+        from vtkmuscle.core.words import suggestion  # noqa: PLC0415 -- difflib, for unknown names alone
+
+        raise AttributeError(f"{error}; {suggestion(name, __all__)}") from None
 
 
 def filter_classes() -> list[Any]:
     """Return all filters in alphabetical order, importing each."""
-    values, base = map(__getattr__, __all__), __getattr__("Filter")
+    values, base = map(_attribute, __all__), _attribute("Filter")
     return [each for each in values if isinstance(each, type) and issubclass(each, base) and each is not base]

@@ -23,10 +23,8 @@ from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
 
 def _rest_pose(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
     """Return bones at rest, with the identity as ``Transform``."""
-    return {
-        name: add_arrays(shallow_copy(bone), fields={"Transform": np.eye(4).reshape(-1)})
-        for name, bone in bones_of(data, where).items()
-    }
+    at_rest, bones = {"Transform": np.eye(4).reshape(-1)}, bones_of(data, where)
+    return {name: add_arrays(shallow_copy(bone), fields=at_rest) for name, bone in bones.items()}
 
 
 def _moved(bone: vtkPolyData, transform: Floats) -> vtkPolyData:

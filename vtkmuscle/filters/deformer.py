@@ -22,15 +22,10 @@ from vtkmuscle.filters.base.docstrings import entry
 from vtkmuscle.filters.base.parameters import Parameter, quality_of
 
 _DEFAULT = Parameters()
-
 #: Defaults of the parameters in presets.
-_BALANCED: Mapping[str, Any] = {
-    "iterations": _DEFAULT.iterations,
-    "solved_triangles": 3000,
-    "collision": "sdf",
-    **{name: getattr(_DEFAULT, name) for name in PUBLISHED},
+_BALANCED: Mapping[str, Any] = {"solved_triangles": 3000, "collision": "sdf"} | {
+    name: getattr(_DEFAULT, name) for name in ("iterations", *PUBLISHED)
 }
-
 #: Values of the parameters by quality.
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
@@ -40,9 +35,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "published": {**PUBLISHED, "iterations": 30, "solved_triangles": 0, "collision": "voxel"},
     }
 )
-
 _WITH_VELOCITY = "prediction", "velocity"
-
 #: Numbers of voxels, declared alike by the filters with voxels.
 N_VOXELS = partial(Parameter[int], int, default=DEFAULT_N_MAX, minimum=1, maximum=MOST_N_EQUAL**3)
 N_VOXELS_PER_AXIS = partial(Parameter[int | None], int, default=None, minimum=1, maximum=MOST_N_EQUAL)
@@ -106,12 +99,6 @@ class DeformerSettings:
     measure_shape = Parameter(bool, default=False)
     measure_penetration = Parameter(bool, default=False)
     checkpoint_memory = Parameter(float, default=256.0, minimum=0.0, units="MB")
-
-
-def solver_parameters(settings: Mapping[str, Any]) -> Parameters:
-    """Return the solver's parameters among settings, else the defaults."""
-    names = Parameters.__dataclass_fields__
-    return Parameters(**{name: value for name, value in settings.items() if name in names})
 
 
 #: Attributes of a shape report by field array: VolumeRatio for volume_ratio, and so on.

@@ -133,6 +133,4 @@ def _in_muscle(positions: Floats, muscle: Surface) -> Bools:
 
 def _box(points: Floats) -> str:
     """Return the range of each coordinate, in words."""
-    return " x ".join(
-        f"{low:.4g}..{high:.4g}" for low, high in zip(points.min(0), points.max(0), strict=True)
-    )
+    return " x ".join(f"{a:.4g}..{b:.4g}" for a, b in zip(points.min(0), points.max(0), strict=True))

@@ -102,8 +102,13 @@ class FibreMetrics(Filter):
         self, fibres: Polylines, muscle: Surface | None, attachments: Areas | None, paths: PathLines | None
     ) -> vtkPolyData:
         """Return the fibres with their measures."""
-        lengths = polyline_lengths(fibres.points, fibres.offsets)
-        cells = {"Length": lengths, "Tortuosity": _tortuosity(fibres, lengths)}
+        points, offsets = fibres.points, fibres.offsets
+        lengths = polyline_lengths(points, offsets)
+        chords = np.linalg.norm(points[offsets[1:] - 1] - points[offsets[:-1]], axis=1)
+        # A closed fibre has a huge ratio instead of infinity, a fibre without length has 1.
+        floor = np.maximum(chords, np.finfo(np.float64).eps * lengths)
+        ratio = np.divide(lengths, floor, out=np.ones_like(lengths), where=floor > 0)
+        cells = {"Length": lengths, "Tortuosity": np.maximum(ratio, 1.0)}
         result = fibres.copy()
         if result.GetCellData().HasArray("RestLength"):
             cells["Strain"] = _strain(result, lengths)
@@ -159,14 +164,6 @@ class FibreMetrics(Filter):
         fields = {"MuscleVolume": volume, "LineOfAction": direction, "CentroidPath": path}
         fields |= {"PCSA": area, "PCSALine": along}
         add_arrays(result, cells={"LineAngle": angles}, fields=fields)
-
-
-def _tortuosity(lines: Polylines, lengths: Floats) -> Floats:
-    chords = np.linalg.norm(lines.points[lines.offsets[1:] - 1] - lines.points[lines.offsets[:-1]], axis=1)
-    # A closed fibre has a huge ratio instead of infinity, a fibre without length has 1.
-    floor = np.maximum(chords, np.finfo(np.float64).eps * lengths)
-    ratio: Floats = np.divide(lengths, floor, out=np.ones_like(lengths), where=floor > 0)
-    return np.maximum(ratio, 1.0)
 
 
 def _strain(fibres: vtkPolyData, lengths: Floats) -> Floats:

@@ -7,7 +7,6 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.between_areas import (
-    EndSurface,
     bend_inside,
     departures,
     filled_share,
@@ -16,7 +15,7 @@ from vtkmuscle.core.fibres.between_areas import (
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
 from vtkmuscle.data.attachments import ROLES, Aponeurosis, Areas, aponeuroses_of, areas_of_role
-from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface, aponeurosis_surfaces, attached_surface
+from vtkmuscle.data.muscle_geometry import Surface, aponeurosis_surfaces, attached_surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
@@ -127,7 +126,12 @@ class FibreSource(Filter):
         if aponeuroses is None and (self.course == "sections" or superficial is not None):
             return _passed_on(self._by_sections(muscle, areas, superficial), muscle)
         geometry = muscle.closed("and so no inside to keep fibres in")
-        origin, insertion = _ends(geometry, areas, aponeuroses)
+        if aponeuroses is not None:
+            origin, insertion = aponeurosis_surfaces(aponeuroses, geometry, "aponeuroses", areas)
+        else:
+            where = {role: f"attachments: {role} area" for role in ROLES}
+            ends = (attached_surface(areas_of_role(areas, role), geometry, where[role]) for role in ROLES)
+            origin, insertion = ends
         self.report_progress(0.2)
         fibres = straight_fibres(origin, insertion, self.n_fibres, self.resolution)
         volume = abs(signed_volume(geometry.points, geometry.triangles))
@@ -171,14 +175,3 @@ def _passed_on(fibres: vtkPolyData, muscle: Surface) -> vtkPolyData:
         if not target.HasArray(source.GetArrayName(number)):
             target.AddArray(source.GetAbstractArray(number))
     return fibres
-
-
-def _ends(
-    geometry: MuscleGeometry, areas: Areas, aponeuroses: list[Aponeurosis] | None
-) -> tuple[EndSurface, EndSurface]:
-    """Return the surfaces at the fibres' origins and insertions."""
-    if aponeuroses is not None:
-        return aponeurosis_surfaces(aponeuroses, geometry, "aponeuroses", areas)
-    of_role = {role: areas_of_role(areas, role) for role in ROLES}
-    first, last = (attached_surface(of_role[role], geometry, f"attachments: {role} area") for role in ROLES)
-    return first, last

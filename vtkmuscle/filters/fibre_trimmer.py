@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
@@ -13,7 +11,7 @@ from vtkmuscle.core.fibres.trimming import EndArea, ends_as_printed, trim_fibres
 from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
-from vtkmuscle.data.attachments import AttachmentArea
+from vtkmuscle.data.attachments import Areas
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface, inner_areas
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
@@ -91,7 +89,7 @@ class FibreTrimmer(Filter):
     attachments = ports.Areas()
     output = OutputPort(vtkPolyData)
 
-    def execute(self, fibres: Polylines, muscle: Surface, attachments: list[AttachmentArea]) -> vtkPolyData:
+    def execute(self, fibres: Polylines, muscle: Surface, attachments: Areas) -> vtkPolyData:
         """Return the trimmed fibres."""
         points, offsets = fibres.points, fibres.offsets
         short = np.flatnonzero(np.diff(offsets) < 2)
@@ -114,7 +112,7 @@ class FibreTrimmer(Filter):
         return add_arrays(fibres.moved(trimmed), fields={"EndsKept": shares})
 
 
-def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeometry, ends: Floats) -> EndArea:
+def _end_area(role: str, areas: Areas, geometry: MuscleGeometry, ends: Floats) -> EndArea:
     """Return a role's area for fibre ends (k, 3)."""
     covered = geometry.on(geometry.attached(areas, role))
     role_areas = [area for area in areas if area.role == role]
@@ -127,9 +125,7 @@ def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeomet
     return EndArea(landmarks, covered, outer)
 
 
-def _discs_of(
-    areas: Sequence[AttachmentArea], geometry: MuscleGeometry
-) -> tuple[PatchSamples | None, PatchSamples | None]:
+def _discs_of(areas: Areas, geometry: MuscleGeometry) -> tuple[PatchSamples | None, PatchSamples | None]:
     """Return the discs within a muscle, and the discs on its surface; None for none."""
     # Discs over rings around hollow or bulging areas do not belong to the surface.
     flat = []

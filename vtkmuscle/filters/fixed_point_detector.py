@@ -22,6 +22,7 @@ from vtkmuscle.filters.deformer import N_VOXELS, N_VOXELS_PER_AXIS
 
 #: Index of a bone, ids of the claimed points, distances of the points [mm].
 Claim = tuple[int, Ints, Floats]
+Bones = dict[str, vtkPolyData]
 
 
 class FixedPointDetector(Filter):
@@ -96,9 +97,7 @@ class FixedPointDetector(Filter):
     attachments = InputPort(vtkMultiBlockDataSet, attachments_of, optional=True)
     output = OutputPort(vtkPolyData)
 
-    def execute(
-        self, muscle: Surface, bones: dict[str, vtkPolyData], attachments: Areas | None
-    ) -> vtkPolyData:
+    def execute(self, muscle: Surface, bones: Bones, attachments: Areas | None) -> vtkPolyData:
         """Return the muscle with its fixed points marked."""
         if self.method == "attachment":
             claims = self._by_attachment(muscle, bones, attachments)
@@ -119,9 +118,7 @@ class FixedPointDetector(Filter):
             raise InputError("", problem, remedy)
         return add_arrays(shallow_copy(muscle.data), points={"FixedTo": fixed_to})
 
-    def _by_attachment(
-        self, muscle: Surface, bones: dict[str, vtkPolyData], areas: Areas | None
-    ) -> Iterator[Claim]:
+    def _by_attachment(self, muscle: Surface, bones: Bones, areas: Areas | None) -> Iterator[Claim]:
         """Yield the points of each area, with distances to the nearest landmark."""
         if areas is None:
             remedy = "connect attachments, or choose the method 'proximity' or 'collision'"
@@ -142,7 +139,7 @@ class FixedPointDetector(Filter):
             yield names.index(area.bone), patch, distances
             self.report_progress((number + 1) / len(areas))
 
-    def _by_distance(self, muscle: Surface, bones: dict[str, vtkPolyData]) -> Iterator[Claim]:
+    def _by_distance(self, muscle: Surface, bones: Bones) -> Iterator[Claim]:
         """Yield the points within the distance, or in the voxels, of each bone."""
         within = self._within(muscle)
         for index, (name, bone) in enumerate(bones.items()):

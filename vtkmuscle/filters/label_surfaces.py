@@ -105,8 +105,6 @@ def _surface(field: LabelField, edge: float) -> vtkPolyData:
         empty = surface_from(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
         return add_arrays(empty, fields={"Refused": str(error), **fields})
     away = np.abs(field.distances_from_boundary(points))
-    quality = {
-        "VolumeError": signed_volume(points, triangles) / field.volume - 1.0,
-        "BoundaryDistance": np.array([away.mean(), np.percentile(away, 95), away.max()]),
-    }
+    off, spread = signed_volume(points, triangles) / field.volume - 1.0, np.percentile(away, 95)
+    quality = {"VolumeError": off, "BoundaryDistance": np.array([away.mean(), spread, away.max()])}
     return add_arrays(surface_from(points, triangles), fields={**quality, **fields})

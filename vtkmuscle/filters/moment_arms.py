@@ -107,7 +107,11 @@ class MomentArms(Filter):
         if not of_paths and not self._steps:
             remedy = "connect a filter over time, e.g. FibreTransport behind PBDDeformer, or a .pvd reader"
             raise InputError("fibres", "the fibres have no time steps", remedy)
-        motion = self._motion(of_paths)
+        motion, steps = self.motion, np.array(self._steps)
+        if motion is None:
+            motion = RigidMotion(steps, {}, None, {"time": Coordinate(steps, self.unit)})
+        elif not of_paths:
+            motion = _resampled(motion, steps)
         lengths = None if of_paths else self._lengths_over_time()
         now = float(motion.times[-1]) if self.request_time is None else self.request_time
         again = input_at(self, 0, now) if self._steps else None
@@ -129,15 +133,6 @@ class MomentArms(Filter):
             fields = {f"Coordinate{suffix}": name, f"CoordinateValue{suffix}": float(value)}
             add_arrays(result, cells={f"MomentArm{suffix}": arms[name]}, fields=fields)
         return result
-
-    def _motion(self, of_paths: bool) -> RigidMotion:
-        """Return the motion, for fibres without paths at the fibres' time steps."""
-        if self.motion is not None and of_paths:
-            return self.motion
-        times = np.array(self._steps)
-        if self.motion is None:
-            return RigidMotion(times, {}, None, {"time": Coordinate(times, self.unit)})
-        return _resampled(self.motion, times)
 
     def _lengths_over_time(self) -> Floats:
         """Return the lengths (f, k) of the fibres at all time steps."""

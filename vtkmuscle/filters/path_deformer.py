@@ -21,7 +21,6 @@ from vtkmuscle.filters.deformer import deformed_muscle
 
 #: Rounds of settling by quality: time grows with the rounds.
 ROUNDS = {"preview": 2, "balanced": 5, "accurate": 20}
-
 #: Tolerance for merging the weights of fibre points during settling. Settling moves the surface by one or two
 #: millimetres; merged weights have an error of a hundredth of the move.
 WEIGHT_TOLERANCE = 0.3
@@ -183,16 +182,12 @@ class PathDeformer(Filter):
             count = "no" if paths is None else str(len(paths.rest))
             problem = f"there are {len(fibres)} for {count} paths"
             raise InputError("fibres", problem, "connect the rest_fibres of TautPaths")
-        return result, self._fibres(muscle, fibres, carried, pose)
-
-    def _fibres(
-        self, muscle: Surface, fibres: Polylines, carried: CarriedMuscle, pose: CarriedPose
-    ) -> vtkPolyData:
-        """Return the fibres in a pose: skinned, then displaced with the surface."""
-        made_from = fibres.points, muscle.points, muscle.triangles, WEIGHT_TOLERANCE
-        embedded = self.once("embedded", made_from, EmbeddedPoints)
+        # Skinned, then displaced with the surface.
+        inputs = fibres.points, muscle.points, muscle.triangles, WEIGHT_TOLERANCE
+        embedded = self.once("embedded", inputs, EmbeddedPoints)
         moved = carried.fibre_points(pose)
         moved += embedded.moved(pose.surface - pose.carried, self.report_progress)
         embedded.keep_within(moved, pose.surface)
         cells = {"RestLength": polyline_lengths(fibres.points, fibres.offsets)}
-        return add_arrays(fibres.moved(moved), cells=cells, fields={"PointsOutside": embedded.n_outside})
+        fields = {"PointsOutside": embedded.n_outside}
+        return result, add_arrays(fibres.moved(moved), cells=cells, fields=fields)

@@ -20,7 +20,7 @@ from vtkmuscle.data.label_images import decimated
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
 from vtkmuscle.data.muscle_geometry import Neighbours, Surface
 from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, ports
-from vtkmuscle.filters.deformer import DeformerSettings, deformed_muscle, solver_parameters
+from vtkmuscle.filters.deformer import DeformerSettings, deformed_muscle
 
 
 class PBDDeformer(DeformerSettings, HistoryFilter[State]):
@@ -131,8 +131,6 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
         """Times of the frames up to the requested time; the requested time alone with a start."""
         return [self.request_time] if self.start is not None else super().path
 
-    # ---------------------------------------------------------------- one frame
-
     def execute(
         self,
         muscle: Surface,
@@ -151,9 +149,10 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
         voxels = (self.n_voxels, self.n_voxels_per_axis) if self.collision == "voxel" else None
         more = shapes if collides else {}, self.bone_clearance if voxels is None else 0.0, voxels
         one_level = self.start is not None or not 0 < self.solved_triangles < len(rest.triangles)
-        count, settings = 0 if one_level else self.solved_triangles, self.parameters_that_count()
+        count, settings = 0 if one_level else self.solved_triangles, self.parameters_that_count().items()
+        of_solver = {name: x for name, x in settings if name in Parameters.__dataclass_fields__}
         with errors_at("muscle"):
-            made_from = rest, solver_parameters(settings), more, count
+            made_from = rest, Parameters(**of_solver), more, count
             solver, levels = self.once("solver", made_from, self._made)
 
         def advance(
@@ -166,7 +165,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
             if self._neighbours is None:
                 self._neighbours = Neighbours(*levels)
             contacts = self._neighbours.at(neighbours)
-            options: dict[str, Any] = {"neighbours": contacts, "progress": self.report_part}
+            options: dict[str, Any] = {"near": contacts, "report": self.report_part}
             if start is None:
                 last = solver.at_rest(len(bones.surfaces)) if before is None else before
                 return solver.step(last, bones.transforms, **options)

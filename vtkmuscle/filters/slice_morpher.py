@@ -165,11 +165,8 @@ def _course(geometry: MuscleGeometry, areas: Areas | None) -> IsolineCourse:
         problem = "method='harmonic' needs attachment areas, but the port 'attachments' is not connected"
         raise InputError("", problem, "connect attachments")
     ends, muscle = tuple(geometry.attached(areas, role) for role in ROLES), geometry.closed
-
-    def course() -> IsolineCourse:
-        return IsolineCourse(muscle, attachment_field(muscle.points, muscle.triangles, *ends))
-
-    return geometry.once("course", ends, course)
+    mesh = muscle.points, muscle.triangles
+    return geometry.once("course", ends, lambda: IsolineCourse(muscle, attachment_field(*mesh, *ends)))
 
 
 def _runs_upwards(template: Any, box: Floats) -> bool:

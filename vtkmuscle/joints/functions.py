@@ -72,8 +72,7 @@ class Knots:
     def __call__(self, values: Floats) -> Floats:
         """Return the function at each value."""
         inside = np.clip(values, self.x[0], self.x[-1])
-        result: Floats = self._curve(inside) + (values - inside) * self._curve(inside, 1)
-        return result
+        return np.asarray(self._curve(inside) + (values - inside) * self._curve(inside, 1))
 
     def rescaled(self, x: float, y: float) -> Knots:
         """Return the function y f(q / x) of q, for x > 0."""

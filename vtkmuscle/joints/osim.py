@@ -22,21 +22,16 @@ from vtkmuscle.joints.functions import FUNCTIONS, IDENTITY, Polynomial, function
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
 #: Axes of each joint type in the joint frame: letters of its rotations, then of its translations.
-_PLAIN = {
-    "WeldJoint": ("", ""),
-    "PinJoint": ("z", ""),
-    "SliderJoint": ("", "x"),
-    "UniversalJoint": ("xy", ""),
-    **dict.fromkeys(("BallJoint", "GimbalJoint"), ("xyz", "")),
-    "PlanarJoint": ("z", "xy"),
-    "FreeJoint": ("xyz", "xyz"),
-}
+_PLAIN = (
+    {"WeldJoint": ("", ""), "PinJoint": ("z", ""), "SliderJoint": ("", "x"), "UniversalJoint": ("xy", "")}
+    | dict.fromkeys(("BallJoint", "GimbalJoint"), ("xyz", ""))
+    | {"PlanarJoint": ("z", "xy"), "FreeJoint": ("xyz", "xyz")}
+)
 _AXES = dict(zip("xyz", np.eye(3), strict=True))
 JOINTS = ("CustomJoint", *_PLAIN)
 ENDS = ("parent", "child")
 #: Names of a CustomJoint's axes, in the order of the transform.
 AXES = tuple(kind + number for kind in ("rotation", "translation") for number in "123")
-
 _JOINT_KEYS = (
     *("socket_parent_frame", "socket_child_frame", "socket_parent_offset_frame", "socket_child_offset_frame"),
     *("coordinates", "CoordinateSet", "frames", "SpatialTransform", "reverse", "components"),
@@ -53,7 +48,6 @@ _MODEL_KEYS = (
 )
 #: Accepted length units; a file may leave the unit empty.
 _METRES = ("meters", "metres", "m", "")
-
 GROUND = "ground"
 #: Kind of a frame that is fixed to another.
 OFFSET = "PhysicalOffsetFrame"
@@ -75,11 +69,9 @@ class Frames:
         self._bodies[path] = last_part(path)
         self.add_offsets(path, body)
 
-    def add_offsets(
-        self, path: str, owner: Element, holders: Sequence[str] = ("components", "frames")
-    ) -> None:
+    def add_offsets(self, path: str, owner: Element, tags: Sequence[str] = ("components", "frames")) -> None:
         """Add the offset frames inside a component."""
-        for element in (each for holder in holders for each in owner.within(holder)):
+        for element in (each for tag in tags for each in owner.within(tag)):
             if element.tag == OFFSET:
                 self._offsets[f"{path}/{element.name}"] = element
                 self.add_offsets(f"{path}/{element.name}", element)
@@ -109,9 +101,7 @@ def point_on(element: Element, frames: Frames) -> tuple[str, Floats]:
     return body, frame[:3, :3] @ element.need("location").numbers(3) + frame[:3, 3]
 
 
-def joint_in(
-    element: Element, frames: Frames, child: str | None = None
-) -> tuple[Joint, list[JointCoordinate]]:
+def joint_in(element: Element, frames: Frames, child: str = "") -> tuple[Joint, list[JointCoordinate]]:
     """Return a joint and its coordinates.
 
     Before version 4 the child body contains the joint; ``child`` is the body's name.
@@ -132,7 +122,7 @@ def joint_in(
         letters = zip(turns + slides, elements, strict=True)
         axes = [JointAxis(_AXES[letter], IDENTITY, coordinate.name) for letter, coordinate in letters]
         rotations, translations = axes[: len(turns)], axes[len(turns) :]
-    if child is None:
+    if not child:
         sockets = [element.need(f"socket_{end}_frame", f"socket_{end}_offset_frame") for end in ENDS]
         path = f"{JOINTSET}/{element.name}"
         (parent, parent_frame), (child, child_frame) = (frames.at(socket, path) for socket in sockets)

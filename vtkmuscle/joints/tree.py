@@ -100,8 +100,7 @@ class Joint:
             result[:, :3, :3] = result[:, :3, :3] @ turns(axis.axis, axis.at(values, frames))
         for axis in self.translations:
             result[:, :3, 3] += axis.at(values, frames)[:, None] * axis.axis
-        placed: Floats = self.parent_frame @ result @ inverses(self.child_frame[None])[0]
-        return placed
+        return np.asarray(self.parent_frame @ result @ inverses(self.child_frame[None])[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,15 +201,12 @@ class KinematicTree:
                 raise InputError("", f"coordinate {dependent!r} follows {independent!r} beyond all numbers")
         return result
 
-    def poses(
-        self, values: Mapping[str, ArrayLike], bodies: Iterable[str] | None = None
-    ) -> dict[str, Floats]:
+    def poses(self, values: Mapping[str, ArrayLike], on: Iterable[str] | None = None) -> dict[str, Floats]:
         """Return each body's frame in the root (f, 4, 4), for values as in :meth:`completed`.
 
-        With ``bodies``, these bodies alone are placed, along with the bodies up to the root.
+        ``on`` names the bodies to place, along with the bodies up to the root; by default all.
         """
-        on = self.bodies if bodies is None else bodies
-        wanted = {joint.child for body in on for joint in self.way_up(body)}
+        wanted = {joint.child for body in on or self.bodies for joint in self.way_up(body)}
         full = self.completed(values)
         frames = len(next(iter(full.values()))) if full else 1
         result = {self.root: np.tile(np.eye(4), (frames, 1, 1))}

@@ -43,7 +43,6 @@ KINDS = (
 #: passive force reaches the maximum isometric force at the upper (Thelen 2003, doi:10.1115/1.1531112).
 FIBRES = (0.5, 1.6)
 FIBRES_OUTSIDE = "fibres leave 0.5 to 1.6 of optimal"
-
 #: Lengths of muscles (f,) for values of coordinates (f,).
 Lengths = Callable[[Sequence[str], Mapping[str, Floats]], dict[str, Floats]]
 

@@ -46,7 +46,6 @@ def completed_properties(
     fixed: Mapping[str, float],
     architecture: Mapping[str, Any],
     name: str,
-    *,
     length: float,
     share: float = 1.0,
     specific_tension: float = SPECIFIC_TENSION,

@@ -195,10 +195,8 @@ class _Search:
         self.halves = np.array([halves[name] for name in arms])
         self.targets = np.concatenate([lengths, *(halves[name] * arm for name, arm in arms.items())])
         moves = [{}, *({name: sign * STEP} for name in arms for sign in (-1.0, 1.0))]
-        free = {name: full[name] for name in tree.free}
-        self.full = tree.completed(
-            {name: np.concatenate([at + move.get(name, 0.0) for move in moves]) for name, at in free.items()}
-        )
+        moved = {q: np.concatenate([full[q] + move.get(q, 0.0) for move in moves]) for q in tree.free}
+        self.full = tree.completed(moved)
         self.poses = tree.poses(self.full)
 
     def off(self, path: PointPath) -> Floats:

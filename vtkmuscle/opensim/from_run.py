@@ -253,9 +253,7 @@ class _Run(NamedTuple):
         """The tree with the ranges of the run's poses, beyond which the paths are not fitted."""
         poses = {each: (float(column.min()), float(column.max())) for each, column in self.values.items()}
         moved = {name: span for name, span in poses.items() if name in self.tree.free and span[0] < span[1]}
-        coordinates = [
-            replace(each, range=moved.get(each.name, each.range)) for each in self.tree.coordinates
-        ]
+        coordinates = [replace(q, range=moved.get(q.name, q.range)) for q in self.tree.coordinates]
         return replace(self.tree, coordinates=coordinates)
 
 
@@ -330,18 +328,12 @@ def _exported(
                 path = fit_points(line, tree, values, *fitted, tolerance=TOLERANCE)
             properties: dict[str, float] = {}
             if export.kind != GEOMETRY_ONLY:
-                properties = completed_properties(
-                    fixed,
-                    result.report["muscles"][name]["architecture"],
-                    name,
-                    length=float(path.lengths(tree, rest)[0]),
-                    share=float(mean.mean() / lengths.mean() * 1000.0),
-                    specific_tension=export.specific_tension,
-                )
+                architecture = result.report["muscles"][name]["architecture"]
+                at_rest, share = float(path.lengths(tree, rest)[0]), mean.mean() / lengths.mean() * 1000.0
+                known = at_rest, float(share), export.specific_tension
+                properties = completed_properties(fixed, architecture, name, *known)
                 properties["max_isometric_force"] *= members.mean()
-            errors = {
-                at: (moment_arm(path, tree, values, at) - arm) * units[at] for at, arm in mean_arms.items()
-            }
+            errors = {q: (moment_arm(path, tree, values, q) - arm) * units[q] for q, arm in mean_arms.items()}
             off = rms(changes - changes.mean(axis=0)), 1000.0 * (path.lengths(tree, values) - mean), errors
             out, fibres = MuscleOut(label, path, properties, export.kind), np.flatnonzero(members).tolist()
             exported.append(ExportedMuscle(name, out, tuple(fibres), *off))

@@ -30,8 +30,6 @@ from vtkmuscle.joints.tree import KinematicTree
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, powers
 
 __all__ = ["BodyMesh", "MotionFile", "OsimModel", "checked_model", "read_motion_file", "read_osim"]
-
-
 #: Passive forces along a path.
 LIGAMENTS = ("Ligament", "Blankevoort1991Ligament", "PathSpring")
 #: Muscle properties that are read.

@@ -20,8 +20,6 @@ RANGE_MARGIN = 1e-5
 TINY = 1e-300
 #: Half step of the central difference for moment arms [rad, or units of length].
 STEP = 1e-4
-
-
 #: Columns (f,) or poses (f, 4, 4) by name; values of coordinates; ranges of coordinates.
 Columns = Mapping[str, Floats]
 Values = Mapping[str, ArrayLike]
@@ -228,8 +226,7 @@ def powers(dimension: int, order: int) -> Ints:
 
 def terms(samples: Floats, order: int) -> Floats:
     """Return a polynomial's terms (f, m) at samples (f, d)."""
-    result: Floats = np.prod(samples[:, None, :] ** powers(samples.shape[1], order), axis=2)
-    return result
+    return np.asarray(np.prod(samples[:, None, :] ** powers(samples.shape[1], order), axis=2))
 
 
 def moment_arm(path: MusclePath, tree: KinematicTree, values: Values, coordinate: str) -> Floats:

@@ -89,18 +89,12 @@ def block(
     superficial: Mapping[str, vtkPolyData] | None = None,
 ) -> Phantom:
     """Return the block between plates; areas have corners (4, 3)."""
-    areas = [AttachmentArea("origin", bone, _ring(corners), closed=True) for bone, corners in origins.items()]
-    areas.append(AttachmentArea("insertion", "insertion_plate", _ring(insertion), closed=True))
-    return phantom_from(
-        f"{kind}_block",
-        bones=bones,
-        muscles={"block": box((0.0, 0.0, 0.0), (WIDTH, DEPTH, LENGTH), SPACING)},
-        areas={"block": areas},
-        motion=sliding("insertion_plate", (0, 0, -1)),
-        template=kind,
-        known={"volume": WIDTH * DEPTH * LENGTH, **known},
-        superficial=superficial,
-    )
+    rings = [AttachmentArea("origin", bone, _ring(corners), closed=True) for bone, corners in origins.items()]
+    rings.append(AttachmentArea("insertion", "insertion_plate", _ring(insertion), closed=True))
+    known = {"volume": WIDTH * DEPTH * LENGTH, **known}
+    muscles, areas = {"block": box((0.0, 0.0, 0.0), (WIDTH, DEPTH, LENGTH), SPACING)}, {"block": rings}
+    scene = f"{kind}_block", bones, muscles, areas, sliding("insertion_plate", (0, 0, -1)), known
+    return phantom_from(*scene, template=kind, superficial=superficial)
 
 
 def plates_at_ends() -> dict[str, Surface]:

@@ -29,11 +29,9 @@ ANGLES = tuple(range(0, 91, 2))
 #: Radii of the femoral head and of the acetabulum [mm]: cartilage fills the gap.
 HEAD_RADIUS = 23.0
 SOCKET_RADIUS = 25.5
-
 #: Where the acetabulum opens to, and the centre of its rim [mm].
 OUTWARD = np.array([-0.80, -0.33, -0.50]) / np.linalg.norm([-0.80, -0.33, -0.50])
 RIM = 7.0 * OUTWARD
-
 #: Tables of hip.toml [mm].
 SHAPES = toml_table("vtkmuscle.phantoms", "hip.toml")
 WING = np.array(SHAPES["wing"]["knots"], dtype=np.float64)
@@ -186,13 +184,10 @@ def hip_parts(
     bellies = {name: sheet.beside(*solids.values()) for name, sheet in sheets.items()}
     maximus = bellies["gluteus_maximus"].without(bellies["gluteus_medius"], CUT, gap=1.0)
     bellies["gluteus_maximus"] = maximus
-    bones = {
-        "pelvis": mesh_of(solids["pelvis"], 4.0, round(14000 * detail)),
-        "femur": mesh_of(solids["femur"], 3.5, round(7000 * detail)),
-    }
-    muscles = {
-        name: mesh_of(belly, shapes[name]["spacing"], round(3000 * detail)) for name, belly in bellies.items()
-    }
+    sizes = ("pelvis", 4.0, 14000), ("femur", 3.5, 7000)
+    bones = {name: mesh_of(solids[name], spacing, round(size * detail)) for name, spacing, size in sizes}
+    count = round(3000 * detail)
+    muscles = {name: mesh_of(belly, shapes[name]["spacing"], count) for name, belly in bellies.items()}
 
     def area(muscle: str, role: str, bone: str) -> AttachmentArea:
         outline = shapes[muscle][role]

@@ -36,11 +36,8 @@ class Solid:
 
     def joined(self, other: Solid, blend: float) -> Solid:
         """Return the union with a solid, the crease filled over ``blend`` [mm]."""
-
-        def field(points: Floats) -> tuple[Floats, Floats]:
-            return smooth_minimum(self.field(points), other.field(points), blend)
-
-        return Solid(field, np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper))
+        box = np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper)
+        return Solid(lambda x: smooth_minimum(self.field(x), other.field(x), blend), *box)
 
     def without(self, other: Solid, blend: float, gap: float = 0.0) -> Solid:
         """Return the solid minus another, grown by ``gap``, with a rim of ``blend`` [mm]."""
@@ -57,11 +54,8 @@ class Solid:
         """Return the part against a plane's normal, with a rim of ``blend`` [mm]."""
         c, n = _vector(centre), _vector(normal)
         n = n / np.linalg.norm(n)
-
-        def half_space(points: Floats) -> tuple[Floats, Floats]:
-            return (c - points) @ n, np.tile(-n, (len(points), 1))
-
-        return self.without(Solid(half_space, self.lower, self.upper), blend)
+        box = self.lower, self.upper
+        return self.without(Solid(lambda x: ((c - x) @ n, np.tile(-n, (len(x), 1))), *box), blend)
 
     def projected(self, points: Floats, *, steps: int = 3) -> Floats:
         """Return points moved onto the surface by Newton steps along the gradient."""
@@ -96,11 +90,7 @@ def union(solids: Sequence[Solid], blend: float) -> Solid:
 def ball(centre: ArrayLike, radius: float) -> Solid:
     """Return a ball [mm]."""
     c = _vector(centre)
-
-    def field(points: Floats) -> tuple[Floats, Floats]:
-        return _distance(points - c, radius)
-
-    return Solid(field, c - radius, c + radius)
+    return Solid(lambda points: _distance(points - c, radius), c - radius, c + radius)
 
 
 def rod(start: ArrayLike, end: ArrayLike, radius: float, *, rim: float = 1.0) -> Solid:

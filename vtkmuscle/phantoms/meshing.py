@@ -29,11 +29,8 @@ def mesh_of(solid: Solid, spacing: float, n_triangles: int) -> tuple[Floats, Int
     # points matter up to one edge from the surface.
     near = np.abs(fine) < (stride / 2.0 * np.sqrt(3.0) + 1.5) * spacing
     fine[near] = solid.values(_grid(origin, shape, spacing)[near])
-
-    def projected(points: Floats) -> Floats:
-        return solid.projected(points, steps=1)
-
-    return evened(*isosurface(fine, origin, spacing), n_triangles, projected)
+    surface = isosurface(fine, origin, spacing)
+    return evened(*surface, n_triangles, lambda points: solid.projected(points, steps=1))
 
 
 def _grid(origin: Floats, shape: NDArray[np.int_], spacing: float) -> Floats:

@@ -68,8 +68,7 @@ def line_moment_arm(angle: float) -> float:
 
 
 def _insertion(angle: float) -> Floats:
-    moved: Floats = apply_transform(rotation_about((0, 0, 0), AXIS, angle), INSERTION[None])[0]
-    return moved
+    return np.asarray(apply_transform(rotation_about((0, 0, 0), AXIS, angle), INSERTION[None])[0])
 
 
 def spindle_profile() -> tuple[Floats, Floats]:

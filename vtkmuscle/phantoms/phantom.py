@@ -58,7 +58,6 @@ class Phantom:
 
 def phantom_from(
     name: str,
-    *,
     bones: Mapping[str, Surface],
     muscles: Mapping[str, Surface],
     areas: Mapping[str, Sequence[AttachmentArea]],
@@ -68,16 +67,11 @@ def phantom_from(
     superficial: Mapping[str, vtkPolyData] | None = None,
 ) -> Phantom:
     """Return a phantom from points and triangles, with data sets of its own."""
-    return Phantom(
-        name,
-        multiblock_from({bone: surface_from(*surface) for bone, surface in bones.items()}),
-        {muscle: surface_from(*surface) for muscle, surface in muscles.items()},
-        {muscle: attachments_from(parts) for muscle, parts in areas.items()},
-        motion,
-        dict.fromkeys(muscles, template),
-        dict(known),
-        dict(superficial or {}),
-    )
+    bone_data = multiblock_from({bone: surface_from(*surface) for bone, surface in bones.items()})
+    muscle_data = {muscle: surface_from(*surface) for muscle, surface in muscles.items()}
+    attachments = {muscle: attachments_from(parts) for muscle, parts in areas.items()}
+    scene = name, bone_data, muscle_data, attachments, motion, dict.fromkeys(muscles, template)
+    return Phantom(*scene, dict(known), dict(superficial or {}))
 
 
 def ends(origin: str, origin_ring: Floats, insertion: str, insertion_ring: Floats) -> list[AttachmentArea]:

@@ -40,15 +40,8 @@ FIBRE_SETTINGS: dict[str, Parameter[Any]] = {
 #: also used by Kohout and Cervenka 2021. Both leave parts of the muscle empty.
 PUBLISHED_FIBRES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
-        "kohout2012": {
-            "axis": "attachments",
-            "angle_step": 5.0,
-            "method": "plane",
-            "continuity": 0.0,
-            "end_rule": "closest",
-            "smoothing_weight": 4.0,
-            "spreading": 0.0,
-        },
+        "kohout2012": {"axis": "attachments", "angle_step": 5.0, "method": "plane", "continuity": 0.0}
+        | {"end_rule": "closest", "smoothing_weight": 4.0, "spreading": 0.0},
         "kohout2014": {"method": "harmonic", "spreading": 0.0},
     }
 )
@@ -118,10 +111,8 @@ def decompose(
     course = settings.pop("course", "sections")
     if aponeuroses is not None or course != "sections":
         why = f"course is {course!r}" if aponeuroses is None else "fibres between aponeuroses are straight"
-        raise ValueError(
-            f"decompose: {of_sections[0]} is a setting of fibres through sections, but {why}; "
-            f"leave out {', '.join(of_sections)}"
-        )
+        problem = f"decompose: {of_sections[0]} is a setting of fibres through sections, but {why}"
+        raise ValueError(f"{problem}; leave out {', '.join(of_sections)}")
 
     def own(kind: type[Filter]) -> dict[str, Any]:
         return {name: value for name, value in settings.items() if name in kind.parameter_declarations}
@@ -135,14 +126,11 @@ def decompose(
 
 
 #: Settings of fibres for the transport with the muscle.
-TRANSPORT_SETTINGS: dict[str, Parameter[Any]] = {
-    "weight_tolerance": FibreTransport.parameter_declarations["weight_tolerance"]
-}
+TRANSPORT_SETTINGS: dict[str, Parameter[Any]] = dict(FibreTransport.parameter_declarations)
 #: ``weight_tolerance`` in scenes. For 1600 points in 9878 vertices weights take 14 MB instead of 126, and
 #: a frame 4 ms instead of 24 to 48; in a muscle bent by a radian the mean error is 0.008 mm, the largest 0.03
 #: mm (``benchmarks/bench_fibres.py --transport``).
 WEIGHT_TOLERANCE = 0.3
-
 #: Deformers: taut paths with skinning, position based dynamics, no deformation.
 DEFORMERS: Mapping[str, type[PathDeformer] | type[PBDDeformer] | None] = MappingProxyType(
     {"paths": PathDeformer, "pbd": PBDDeformer, "none": None}
@@ -245,10 +233,9 @@ class MusclePipeline:
             allowed = ", ".join(map(repr, DEFORMERS))
             raise ValueError(f"MusclePipeline: deformer is {deformer!r}, but must be one of {allowed}")
         if deformer == "none" and aponeuroses is not None:
-            raise ValueError(
-                "MusclePipeline: fibres between aponeuroses need a deformed muscle, but deformer is 'none'; "
-                "leave aponeuroses out, or choose another deformer"
-            )
+            problem = "fibres between aponeuroses need a deformed muscle, but deformer is 'none'"
+            remedy = "leave aponeuroses out, or choose another deformer"
+            raise ValueError(f"MusclePipeline: {problem}; {remedy}")
         self.fixed = surface
         if fixing is not None:
             self.fixed = FixedPointDetector(muscle=surface, bones=bones, attachments=attachments, **fixing)

@@ -172,8 +172,8 @@ def plot_lengths(
         For ``savefig``.
     """
     values = np.asarray(lengths, dtype=np.float64)
-    figure = sheets.blank_figure(width / sheets.INCH, min(0.75 * width / sheets.INCH, 4.2))
-    figure.set_layout_engine("constrained")
+    high = min(0.75 * width / sheets.INCH, 4.2)
+    figure = sheets.blank_figure(width / sheets.INCH, high, "constrained")
     figure.suptitle(title, fontsize="large")
     axes = figure.subplots()
     axes.set(xlabel=time_label, ylabel=f"{of} length [mm]")
@@ -259,19 +259,18 @@ def plot_moment_arms(
         colours = position_colours(positions)
         actors = actors_of([rest.muscle], view, fibres=rest.fibres, colours=colours, finer=studio.finer)
         panel = sheets.Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
-    left, above = (0.0, 0.0) if panel is None else (panel.inches[0] + 0.1, panel.inches[1] + 0.25)
-    left, above = (left, 0.0) if beside else (0.0, above)
+    across, high = (0.0, 0.0) if panel is None else panel.inches
+    left, above = (1.05 * across, 0.0) if beside else (0.0, 1.1 * high)
     curves_high, title = _HEIGHT * len(arms), rest.label if rest is not None else ""
     height = curves_high + above + (0.25 if title else 0.0)
     figure = sheets.blank_figure(wide, height)
     figure.set_layout_engine("constrained", rect=(left / wide, 0.0, 1.0 - left / wide, curves_high / height))
     figure.text(0.5, 1.0 - 0.15 / height, title, ha="center", va="center", fontsize="large")
     if panel is not None:
-        corner = 0.05, curves_high - panel.inches[1] - 0.05
-        corner = corner if beside else ((wide - panel.inches[0]) / 2.0, curves_high + 0.02)
+        corner = (0.05, curves_high - high - 0.05) if beside else ((wide - across) / 2.0, curves_high)
         panel.add_to(figure, corner, units)
-    below = figure.subplots(len(arms), squeeze=False)[:, 0]
-    for axes, (name, joint_arms) in zip(below, arms.items(), strict=True):
+    panels = figure.subplots(len(arms), squeeze=False)[:, 0]
+    for axes, (name, joint_arms) in zip(panels, arms.items(), strict=True):
         _draw_arms(axes, joint_arms, positions)
         unit = ANGLES.get(joint_arms.unit)
         if unit is not None:

@@ -33,7 +33,6 @@ BEYOND = 0.1
 TENDON_END = 0.25
 #: Least share of a contact in the largest contact at its end; smaller contacts are noise.
 LEAST_SHARE = 0.05
-
 REMEDY = "join a separate tendon to the muscle's surface, add a missing bone, or give landmarks"
 
 

@@ -109,10 +109,8 @@ def attachment_patch(
     usual = float(edge_lengths(points, edges).mean())
     within = usual if tolerance is None else tolerance
     vertices = _nearest_vertices(points, triangles, landmarks, (within, usual), bone_distance)
-    ring = closed and len(landmarks) > 2
-    if ring:
-        spread = np.linalg.svd(landmarks - landmarks.mean(axis=0), compute_uv=False)
-        ring = bool(spread[1] > _FLATNESS * spread[0])
+    spread = np.linalg.svd(landmarks - landmarks.mean(axis=0), compute_uv=False)
+    ring = closed and len(landmarks) > 2 and bool(spread[1] > _FLATNESS * spread[0])
     curve = geodesic_curve(points, edges, vertices, closed=ring)
     if ring and len(patch := _enclosed(points, triangles, curve, (edges, edge_of), bone_distance)):
         return patch

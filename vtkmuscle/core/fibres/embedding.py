@@ -109,7 +109,6 @@ LARGEST_CHANGE = 1.0
 AT_ONCE = 128
 #: Halvings from a group to its subgroups.
 HALVINGS = 2
-
 #: Indices of a sparse matrix.
 Small = NDArray[np.int32]
 
@@ -221,10 +220,8 @@ def _grouped(weights: Floats, groups: Groups, threshold: float) -> csr_array:
 
 
 @reduction
-def _group(
-    weights: Floats, groups: Groups, threshold: float, values: Floats, columns: Small, ends: Small
-) -> None:
-    """Write sums and numbers of groups whose weights differ by at most the threshold, times the radius."""
+def _group(weights: Floats, groups: Groups, most: float, values: Floats, columns: Small, ends: Small) -> None:
+    """Write sums and numbers of groups whose weights differ by at most the most, times the radius."""
     entry = 0
     for q in range(len(weights)):
         g = 0
@@ -236,7 +233,7 @@ def _group(
             mean = total / size
             for i in range(first, first + size):
                 off += abs(weights[q, i] - mean)
-            if size > 1 and groups.radii[g] * off > threshold:
+            if size > 1 and groups.radii[g] * off > most:
                 g += 1
                 continue
             if total != 0.0:
@@ -269,9 +266,7 @@ def _reproduce_points(weights: csr_array, means: Floats, sizes: Ints, queries: F
     target = np.array([1.0, 0.0, 0.0, 0.0])
     missing = (target - summed(weights.data * terms)) / scales
     multipliers = np.linalg.solve(matrices, missing[..., None])[..., 0] / scales
-    change = counts * sum(
-        term * factors.take(row) for term, factors in zip(terms, multipliers.T, strict=True)
-    )
+    change = counts * sum(term * factor.take(row) for term, factor in zip(terms, multipliers.T, strict=True))
     most = LARGEST_CHANGE * summed(np.abs(weights.data))
     weights.data += change
     products = weights.data * terms

@@ -48,10 +48,8 @@ LEVEL = 1e-6
 CANCELLED = 1e-6
 #: Squared height over squared distance, below which the series of the excess is exact.
 FLAT = 1e-6
-
 #: Coefficients of f in u, from the greatest power on.
 _TERMS = tuple(4.0**k * math.factorial(k) ** 2 / math.factorial(2 * k + 1) for k in reversed(range(11)))
-
 # Rows of the buffer, LANES numbers each: squared distances and their roots' inverses at three corners, ...
 _D0, _D1, _D2, _R0, _R1, _R2 = (row * LANES for row in range(6))
 # ... the weights there before and after, whether a triangle is not far, and the points.
@@ -111,14 +109,9 @@ def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
     products = np.stack([(a * b).sum(axis=1) for a, b in ((l0, l1), (l0, l2), (l1, l2))], axis=1)
     crosses = np.cross(l1, normals), np.cross(l2, normals)
     constants = [normals, *crosses, double_areas, products / double_areas[:, None], squares]
-    return CoordinateMesh(
-        np.ascontiguousarray(vertices, dtype=np.float64),
-        np.ascontiguousarray(triangles, dtype=np.int64),
-        np.column_stack(constants),
-        spread=vertices @ np.linalg.pinv(vertices.T @ vertices),
-        centre=centre,
-        diagonal=diagonal(used),
-    )
+    spread = vertices @ np.linalg.pinv(vertices.T @ vertices)
+    mesh = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(triangles, np.int64)
+    return CoordinateMesh(*mesh, np.column_stack(constants), spread, centre, diagonal(used))
 
 
 def weights_of(mesh: CoordinateMesh, queries: Floats, *, first: int = 0) -> Floats:

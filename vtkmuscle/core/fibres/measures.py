@@ -120,12 +120,9 @@ def arrangement(points: Floats, offsets: Ints, samples: Floats, volume: float) -
         stations = math.ceil(2.0 * polyline_lengths(points, offsets).max() / spacing) + 1
         near = cKDTree(evenly_spaced(points, offsets, stations).reshape(-1, 3))
         bare = float((near.query(samples)[0] > spacing).mean())
-    return Arrangement(
-        crossing=max(_crossing(lines, neighbours), _crossing(lines[:, ::-1], neighbours)),
-        hooked=float(np.mean([turn.max(initial=0.0) > HOOKED for turn in turns])),
-        turning=float(np.percentile([turn.sum() for turn in turns], 95.0)),
-        bare=bare,
-    )
+    crossing = max(_crossing(lines, neighbours), _crossing(lines[:, ::-1], neighbours))
+    hooked = float(np.mean([turn.max(initial=0.0) > HOOKED for turn in turns]))
+    return Arrangement(crossing, hooked, float(np.percentile([turn.sum() for turn in turns], 95.0)), bare)
 
 
 def _turns(steps: Floats) -> Floats:
@@ -246,9 +243,7 @@ class Fascicles(NamedTuple):
         return self.volume * float(np.cos(np.radians(angles)).mean()) / mean if mean > 0.0 else 0.0
 
 
-def area_profile(
-    surface: Floats, triangles: Ints, samples: Floats, points: Floats, offsets: Ints
-) -> AreaProfile:
+def area_profile(surface: Floats, faces: Ints, samples: Floats, points: Floats, offsets: Ints) -> AreaProfile:
     """Return the cross-sections of a muscle along its course.
 
     The medial curve is a principal curve (Hastie, Stuetzle 1989, doi:10.1080/01621459.1989.10478797). The fit
@@ -268,7 +263,7 @@ def area_profile(
     begins, _, directions = curve_segments(curve)
     segment = np.clip(np.searchsorted(begins, middles, side="right") - 1, 0, len(begins) - 1)
     centres = curve[segment] + (middles - begins[segment])[:, None] * directions[segment]
-    return AreaProfile(curve, middles, section_areas(surface, triangles, centres, directions[segment]))
+    return AreaProfile(curve, middles, section_areas(surface, faces, centres, directions[segment]))
 
 
 def along(curve: Floats, positions: Floats) -> tuple[Floats, Floats]:
@@ -290,9 +285,7 @@ def fascicles(
     Sections with less than a share of the largest area count as tendon. The volume is the muscle's [mm^3].
     """
     dense, whole = evenly_spaced(points, offsets, POINTS), polyline_lengths(points, offsets)
-    arcs, directions = (
-        array.reshape(len(dense), POINTS, -1) for array in along(profile.curve, dense.reshape(-1, 3))
-    )
+    arcs, directions = (x.reshape(len(dense), POINTS, -1) for x in along(profile.curve, dense.reshape(-1, 3)))
     parts, row = [], np.arange(len(dense))
     for low, high in map(profile.muscle_between, shares):
         within = (arcs[..., 0] >= low) & (arcs[..., 0] <= high)

@@ -145,9 +145,7 @@ def _new_ends(points: Floats, offsets: Ints, direction: Floats, area: EndArea, l
     return np.where(kept, 0.0, tried[levels, np.arange(len(cuts))]), new_ends
 
 
-def _best_cut(
-    departures: Floats, rays: Floats, ends: Floats, into_muscle: FloatMap, tolerance: float
-) -> Ints:
+def _best_cut(departures: Floats, rays: Floats, ends: Floats, into: FloatMap, tolerance: float) -> Ints:
     """Return the index into CUTS of each fibre's best cut.
 
     The first cut with a segment in the muscle and an easy turn; else the allowed cut with the least turn;
@@ -167,7 +165,7 @@ def _best_cut(
             continue
         departure = np.full(len(open_), np.inf)
         checked = starts[worth, None] + CHECKS[:, None] * segments[worth, None]
-        moved = into_muscle(checked.reshape(-1, 3)).reshape(checked.shape)
+        moved = into(checked.reshape(-1, 3)).reshape(checked.shape)
         departure[worth] = np.linalg.norm(moved - checked, axis=2).max(axis=1) / tolerance
         badness = np.maximum(departure, turns / LARGEST_TURN)
         badness[badness <= 1.0] = turns[badness <= 1.0] / 180.0

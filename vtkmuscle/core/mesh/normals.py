@@ -9,7 +9,6 @@ from vtkmuscle.core.types import Floats, Ints
 #: Turns between triangles that meet in a crease [degrees]. From the first to the second angle the weight of a
 #: neighbour falls to 0, so a normal does not jump as a body bends.
 CREASE = 45.0, 75.0
-
 #: Barycentric share of a corner below which a position is on the opposite edge.
 ON_EDGE = 1e-6
 
@@ -46,10 +45,8 @@ def smooth_normals(points: Floats, triangles: Ints, faces: Ints, positions: Floa
     turned = np.einsum("jc,jc->j", unit_vectors(vectors).take(which, axis=0), own.take(corner // 3, axis=0))
     together, apart = np.cos(np.radians(CREASE))
     counts = np.clip((turned - apart) / (together - apart), 0.0, 1.0)
-    sums: Floats = np.column_stack(
-        [np.bincount(corner, counts * x[which], 3 * len(faces)) for x in vectors.T]
-    )
-    at_corners = unit_vectors(sums).reshape(-1, 3, 3)
+    parts = [np.bincount(corner, counts * x[which], 3 * len(faces)) for x in vectors.T]
+    at_corners = unit_vectors(np.column_stack(parts).astype(np.float64)).reshape(-1, 3, 3)
     between: Floats = (_shares(points[triangles[faces]], positions, own)[:, :, None] * at_corners).sum(axis=1)
     return unit_vectors(between)
 

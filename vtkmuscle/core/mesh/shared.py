@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 T = TypeVar("T")
 P = ParamSpec("P")
-
-
 _lock = RLock()
 #: Results of shared functions per active :func:`keep_shared` context.
 _kept: list[list[object]] = []

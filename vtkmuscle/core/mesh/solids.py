@@ -134,12 +134,17 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
     if len(rim):
         triangles, n_turned = _consistent(triangles)
         if n_turned:
-            remarks.append(
-                f"{n_turned} of {len(triangles)} triangles faced the opposite side and were turned"
-            )
+            turned = f"{n_turned} of {len(triangles)} triangles"
+            remarks.append(f"{turned} faced the opposite side and were turned")
         rim = _excess(triangles)
         if len(rim):
-            points, triangles, n_holes = _capped(points, triangles, rim)
+            # Triangles lead from each hole's rim to the rim's centre.
+            used, ends = np.unique(rim, return_inverse=True)
+            hole_of_point = point_components(len(used), ends.reshape(-1, 2))
+            hole, n_holes = hole_of_point[ends.reshape(-1, 2)[:, 0]], int(hole_of_point.max()) + 1
+            caps = np.column_stack([rim[:, 1], rim[:, 0], len(points) + hole])
+            points = np.vstack([points, part_means(points[rim].mean(axis=1), hole, n_holes)])
+            triangles = np.vstack([triangles, caps])
             remarks.append(f"the surface is open: {n_holes} hole(s), {len(rim)} edges, were closed")
     labels = point_components(len(points), triangles[:, [0, 1, 1, 2]].reshape(-1, 2))[triangles[:, 0]]
     order = np.argsort(labels, kind="stable")
@@ -216,18 +221,6 @@ def _consistent(triangles: Ints) -> tuple[Ints, int]:
     return result, int(turn.sum())
 
 
-def _capped(points: Floats, triangles: Ints, rim: Ints) -> tuple[Floats, Ints, int]:
-    """Close holes by triangles to the rims' centres; return the number."""
-    used, ends = np.unique(rim, return_inverse=True)
-    ends = ends.reshape(-1, 2)
-    hole_of_point = point_components(len(used), ends)
-    hole = hole_of_point[ends[:, 0]]
-    n_holes = int(hole_of_point.max()) + 1
-    centres = part_means(points[rim].mean(axis=1), hole, n_holes)
-    caps = np.column_stack([rim[:, 1], rim[:, 0], len(points) + hole])
-    return np.vstack([points, centres]), np.vstack([triangles, caps]), n_holes
-
-
 @dataclass(frozen=True, eq=False)
 class Solids:
     """The exact surface of a body, with its inside.
@@ -270,15 +263,13 @@ class Solids:
         best, outward = np.full(len(positions), np.inf), np.zeros((len(positions), 3))
         for tree in self._all:
             beyond = np.maximum(tree.boxes[0, :3] - positions, positions - tree.boxes[0, 3:])
-            in_reach = np.flatnonzero(
-                np.linalg.norm(np.maximum(beyond, 0.0), axis=1) <= np.maximum(best, 0.0)
-            )
-            distance, _, normal = tree.tangent_planes(positions[in_reach])
+            near = np.flatnonzero(np.linalg.norm(np.maximum(beyond, 0.0), axis=1) <= np.maximum(best, 0.0))
+            distance, _, normal = tree.tangent_planes(positions[near])
             if tree is self.sheets:
                 normal[distance < 0.0] *= -1.0
                 distance = np.abs(distance)
-            nearer = distance < best[in_reach]
-            best[in_reach[nearer]], outward[in_reach[nearer]] = distance[nearer], normal[nearer]
+            nearer = distance < best[near]
+            best[near[nearer]], outward[near[nearer]] = distance[nearer], normal[nearer]
         return best, outward
 
     def depth(self, points: ArrayLike) -> Floats:

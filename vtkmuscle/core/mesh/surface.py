@@ -86,9 +86,8 @@ def triangle_stretches(rest: Floats, now: Floats) -> tuple[Floats, Floats, Float
     over = np.divide(1.0, squared, out=np.zeros_like(squared), where=proper)
     half = 0.5 * over * (rest[2] * now[0] - 2.0 * rest[1] * now[1] + rest[0] * now[2])
     apart = np.sqrt(np.maximum(half * half - over * squared_now, 0.0))
-    least, greatest = (
-        np.where(proper, np.sqrt(np.maximum(square, 0.0)), 1.0) for square in (half - apart, half + apart)
-    )
+    squares = half - apart, half + apart
+    least, greatest = (np.where(proper, np.sqrt(np.maximum(square, 0.0)), 1.0) for square in squares)
     return least, greatest, areas
 
 
@@ -171,18 +170,11 @@ def survey(points: Floats, triangles: Ints) -> SurfaceReport:
     double_areas = np.linalg.norm(triangle_normals(points, triangles), axis=1)
     used = np.unique(triangles)
     labels = point_components(len(points), edges)
-    return SurfaceReport(
-        n_points=len(points),
-        n_triangles=len(triangles),
-        n_components=len(np.unique(labels[used])),
-        n_unused_points=len(points) - len(used),
-        n_boundary_edges=int((uses == 1).sum()),
-        n_nonmanifold_edges=int((uses > 2).sum()),
-        n_misoriented_edges=int(((uses == 2) & (balance != 0)).sum()),
-        n_degenerate_triangles=int((double_areas == 0).sum()),
-        area=float(double_areas.sum() / 2.0),
-        volume=signed_volume(points, triangles),
-    )
+    of_points = len(np.unique(labels[used])), len(points) - len(used)
+    of_edges = (int(bad.sum()) for bad in (uses == 1, uses > 2, (uses == 2) & (balance != 0)))
+    degenerate, area = int((double_areas == 0).sum()), float(double_areas.sum() / 2.0)
+    sizes = degenerate, area, signed_volume(points, triangles)
+    return SurfaceReport._make([len(points), len(triangles), *of_points, *of_edges, *sizes])
 
 
 def check_volume(points: Floats, volume: float) -> None:

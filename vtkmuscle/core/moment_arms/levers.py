@@ -237,20 +237,16 @@ def length_jumps(
         neighbours = neighbours[stretch[neighbours] == stretch[i]]
         if len(neighbours) < FEWEST_STEPS:
             continue
-        expected = _on_line(middles[neighbours] - middles[i], velocities[neighbours])
-        speeds = np.abs(velocities[neighbours])
+        x, values = middles[neighbours] - middles[i], velocities[neighbours]
+        pairs = combinations(range(len(x)), 2)
+        slopes = np.median([(values[b] - values[a]) / (x[b] - x[a]) for a, b in pairs], axis=0)
+        expected = np.median(values - x[:, None] * slopes, axis=0)
+        speeds = np.abs(values)
         allowed = KINK * np.median(speeds, axis=0)
         if turns is not None:
             allowed += min(1.0, 0.5 * (N_NEIGHBOURS * turns[i]) ** 2) * speeds.max(axis=0)
         jumps[i] = np.maximum(np.abs(velocities[i] - expected) - allowed, 0.0) * durations[i]
     return jumps
-
-
-def _on_line(x: Floats, values: Floats) -> Floats:
-    """Return values (k,) at 0 of median lines. Through values (n, k) at x (n,)."""
-    pairs = combinations(range(len(x)), 2)
-    slopes = np.median([(values[b] - values[a]) / (x[b] - x[a]) for a, b in pairs], axis=0)
-    return np.asarray(np.median(values - x[:, None] * slopes, axis=0))
 
 
 def even_stretches(motion: RigidMotion) -> Ints:

@@ -39,11 +39,8 @@ def known_coordinates(
     depend, by default all. Raises a ValueError if there is none.
     """
     coordinates = motion.coordinates
-    names = tuple(
-        name
-        for name, q in coordinates.items()
-        if (crossed is None or name in crossed) and (q.changes or q.twists or name in levers)
-    )
+    moving = [name for name, q in coordinates.items() if q.changes or q.twists or name in levers]
+    names = tuple(name for name in moving if crossed is None or name in crossed)
     if not names:
         listed = ", ".join(map(repr, coordinates)) or "none"
         problem = f"no coordinate of the motion changes ({listed}), so there are no moment arms"
@@ -133,11 +130,9 @@ def quartic_moment_arms(
     at : (m,), coordinate values of the results; default: of the poses.
     """
     low, high = coordinate.min(), coordinate.max()
-    n_values = len(np.unique(np.round((coordinate - low) / max(SAME_VALUE * (high - low), 1e-300))))
-    if n_values < FEWEST_FOR_QUARTIC:
-        problem = (
-            f"the coordinate has {n_values} different value(s), but a quartic needs {FEWEST_FOR_QUARTIC}"
-        )
+    count = len(np.unique(np.round((coordinate - low) / max(SAME_VALUE * (high - low), 1e-300))))
+    if count < FEWEST_FOR_QUARTIC:
+        problem = f"the coordinate has {count} different value(s), but a quartic needs {FEWEST_FOR_QUARTIC}"
         raise InputError("", problem, "use more frames of the motion")
     q, wanted = (2.0 * (x - low) / (high - low) - 1.0 for x in (coordinate, coordinate if at is None else at))
     fits = polyfit(q, lengths, QUARTIC)

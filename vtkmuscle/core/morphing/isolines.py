@@ -102,22 +102,20 @@ class IsolineCourse:
         return origin, insertion
 
 
-def morph_by_isolines(
-    fibre_points: Floats, transform: Floats, course: IsolineCourse, slicing: Slicing
-) -> Morph:
+def morph_by_isolines(points: Floats, transform: Floats, course: IsolineCourse, slicing: Slicing) -> Morph:
     """Return template fibres moved into the muscle by isolines.
 
     A plane at a height of the template, as a part of its length, goes to the isoline at the same part of the
     distance from origin to insertion, measured on the surface and averaged around the isoline. Isolines and
     the planes' rectangles are matched with least twist between neighbours and least squared distances; the
     distances count less in parts of the muscle bent away from the box's axis. Fibre ends at the template's
-    bottom and top go to the nearest points of the areas.
+    bottom and top go to the nearest mapped_points of the areas.
 
-    fibre_points, transform, slicing : as for :func:`morph_by_planes`;
+    points, transform, slicing : as for :func:`morph_by_planes`;
     course : IsolineCourse, isolines of the muscle in any pose.
     """
     box = Box(transform)
-    inside = box.coordinates(fibre_points)
+    inside = box.coordinates(points)
     fractions = np.clip(inside[:, 2] / box.length, 0.0, 1.0)
     tolerance = max(slicing.slice_tolerance / box.length, SAME_HEIGHT)
     levels, slice_of = shared_levels(fractions, tolerance, GRAIN)
@@ -138,10 +136,10 @@ def morph_by_isolines(
     views = np.array([[*perpendiculars(axis), axis] for axis in axes])
     maps = slice_maps(rings, stack(guides)[0], box, slicing.continuity * course.length, views)
     mapped = SliceMaps(maps, hits, views).positions(inside, heights, levels, slice_of)
-    points, ends = box.positions(mapped), (fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT)
+    mapped_points, ends = box.positions(mapped), (fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT)
     for area, end in zip(course.areas, ends, strict=True):
-        points[end] = area.tree.nearest(points[end])[1]
-    return Morph(points, course.share, 0.0)
+        mapped_points[end] = area.tree.nearest(mapped_points[end])[1]
+    return Morph(mapped_points, course.share, 0.0)
 
 
 def isoline_distances(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:

@@ -176,9 +176,7 @@ PLANE_MARGIN = 1e-6
 N_PLANES = 16
 
 
-def morph_by_planes(
-    fibre_points: Floats, transform: Floats, muscle: ClosedSurface, slicing: Slicing
-) -> Morph:
+def morph_by_planes(points: Floats, transform: Floats, muscle: ClosedSurface, slicing: Slicing) -> Morph:
     """Return template fibres moved into the muscle by planes.
 
     A plane at each height of fibre points along the box's z axis cuts the box in a rectangle and the muscle
@@ -186,7 +184,7 @@ def morph_by_planes(
     matched, and the rectangle's points mapped to the loop (:mod:`vtkmuscle.core.morphing.correspondence`).
     Points keep their heights, but heights beyond the last loop are squeezed into the rest of the muscle.
 
-    fibre_points : (n, 3), points of the fitted template [mm];
+    points : (n, 3), points of the fitted template [mm];
     transform : (4, 4), Unit cube to box, from :func:`vtkmuscle.core.template.fit_box`;
     muscle : ClosedSurface, the muscle;
     slicing : Slicing, settings of slices and maps.
@@ -194,7 +192,7 @@ def morph_by_planes(
     Raises a ValueError if no slice through the template has an inside.
     """
     box = Box(transform)
-    inside = box.coordinates(fibre_points)
+    inside = box.coordinates(points)
     tolerance, grain = max(slicing.slice_tolerance, SAME_HEIGHT * box.length), GRAIN * box.length
     course = _PlaneCourse(box.surface(muscle))
     volume_share, steep_share = course.shares()

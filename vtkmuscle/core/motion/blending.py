@@ -73,13 +73,10 @@ def screws(motions: Floats) -> Floats:
 
 #: Least determinant for Newton's method, as a part of the determinant of an equally large rotation.
 _NEWTON_FROM = 1e-6
-
 #: Square of the last step: convergence is quadratic, so the next step is rounding.
 _LAST_STEP2 = 1e-17
-
 #: Square of the step below which X is not scaled (Higham 1986, section 3).
 _SCALED_FROM = 0.1
-
 #: Most steps; five are common.
 _MOST_STEPS = 20
 

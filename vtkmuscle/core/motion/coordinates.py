@@ -77,9 +77,7 @@ class Coordinate:
             raise InputError("", f"the unit of a coordinate is {self.unit!r}, but must be one of {units}")
         for bone, twists in (self.twists or {}).items():
             if np.shape(twists) != (len(values), 6) or not np.isfinite(twists).all():
-                problem = (
-                    f"the twists of {bone!r} are of shape {np.shape(twists)}, but must be finite numbers"
-                )
+                problem = f"the twists of {bone!r} have shape {np.shape(twists)}, but must be finite numbers"
                 raise InputError("", f"{problem} of shape {(len(values), 6)}")
         values.setflags(write=False)
         object.__setattr__(self, "values", values)

@@ -23,7 +23,6 @@ from vtkmuscle.core.types import Floats, Ints, Progress, quiet
 #: Coarse points that take a fine point along. With eight, an iliacus solved with an iteration has 16 folded
 #: edges, and an adductor brevis one of eight times its length; with sixteen 8, and 4 times.
 CARRIERS = 16
-
 #: Iterations of the fine surface, with its edges as they are carried. Four muscles of a real hip, solved with
 #: 3 000 triangles, have 0 to 6 folded edges after two, 0 to 10 after one; five take 2 ms more.
 FINE_ITERATIONS = 2
@@ -86,17 +85,17 @@ class TwoLevels:
         return replace(self._solver.at_rest(n_bones), surface=self.shape.points)
 
     def step(
-        self, state: State, transforms: Floats, neighbours: Sequence[Near] = (), progress: Progress = quiet
+        self, state: State, transforms: Floats, near: Sequence[Near] = (), report: Progress = quiet
     ) -> State:
         """Return the state after the bones have moved on.
 
         The parameters are as of :meth:`PBDSolver.step`. A neighbour comes with the depths of the points of
         the coarse surface and of the fine surface in the neighbour.
         """
-        coarse, fine = ([pair[level] for pair in neighbours] for level in (0, 1))
-        state = self._solver.step(state, transforms, neighbours=coarse, progress=progress)
+        coarse, fine = ([pair[level] for pair in near] for level in (0, 1))
+        state = self._solver.step(state, transforms, near=coarse, report=report)
         carried = self.prolonged(state.positions + self._solver.centre, transforms)
-        solved = self._fine.pose(carried, transforms, neighbours=fine)
+        solved = self._fine.pose(carried, transforms, near=fine)
         return replace(state, surface=solved.surface, colliding=solved.colliding)
 
     def prolonged(self, coarse: Floats, transforms: Floats) -> Floats:

@@ -33,7 +33,6 @@ from vtkmuscle.core.types import Bools, Floats, Progress, quiet
 #: larger steps are parted. An iliacus of 3 000 triangles has 18 folded edges after steps of 10 degrees with
 #: an iteration each, 12 of 5 degrees, 5 of 2.
 LARGEST_TURN = 4.0
-
 #: Moves positions out of obstacles, and returns the moved points.
 KeepOut = Callable[[Floats], Bools]
 #: Neighbouring muscles now.
@@ -103,13 +102,8 @@ class Parameters:
 
 #: The settings with which Algorithm 2 is as printed.
 PUBLISHED = MappingProxyType(
-    {
-        "prediction": "velocity",
-        "order": "kind",
-        "anisotropy": "fibres",
-        "signed_angles": False,
-        "finish": False,
-    }
+    {"prediction": "velocity", "order": "kind", "anisotropy": "fibres"}
+    | {"signed_angles": False, "finish": False}
 )
 
 
@@ -211,36 +205,36 @@ class PBDSolver:
         velocities = np.zeros_like(self.rest) if self.parameters.prediction == "velocity" else None
         return State(self.rest + self.centre, transforms, 0, self.rest, velocities)
 
-    def step(
-        self, state: State, transforms: Floats, neighbours: Near = (), progress: Progress = quiet
-    ) -> State:
+    def step(self, state: State, transforms: Floats, near: Near = (), report: Progress = quiet) -> State:
         """Return the state after the bones have moved on.
 
-        Transforms (b, 4, 4) lead from rest to now. Free points are kept out of the neighbours, too.
-        ``progress`` is called after each iteration. A ValueError reports an overflowing position.
+        Transforms (b, 4, 4) lead from rest to now. Free points are kept out of near muscles, too.
+        ``report`` is called after each iteration. A ValueError reports an overflowing position.
         """
         transforms = np.array(transforms, dtype=np.float64)
         if state.velocities is not None:
-            return self._with_velocities(state, transforms, neighbours, progress)
+            return self._with_velocities(state, transforms, near, report)
         parts = self._parts(state.transforms, transforms)
-        before, x = state.transforms, state.positions
+        before, x, bones = state.transforms, state.positions, [bone for bone, _ in self._fixed]
         for part in range(1, parts + 1):
             now = screws_between(state.transforms, transforms, part / parts)
-            p = self._with_fixed_points(self._carried(x, before, now), now)
+            carried = x
+            if self._weights is not None:  # by the bones' blended motions
+                motions = centred(now[bones] @ inverses(before[bones]), self.centre)
+                carried = blend_motions(motions, self._weights, x)
+            p = self._with_fixed_points(carried, now)
 
-            def report(done: float, part: int = part) -> None:
-                progress((part - 1 + done) / parts)
+            def part_done(done: float, part: int = part) -> None:
+                report((part - 1 + done) / parts)
 
-            keep_out = self._keep_out(now, before, x, neighbours)
-            held = self._iterate(p, self.rows.constants, keep_out, report)
+            keep_out = self._keep_out(now, before, x, near)
+            held = self._iterate(p, self.rows.constants, keep_out, part_done)
             before, x = now, p[:-1]
         if self.parameters.finish:
             held = self._exact.finish(x, keep_out)
         return self._state(x, transforms, held)
 
-    def pose(
-        self, start: Floats, transforms: Floats, neighbours: Near = (), progress: Progress = quiet
-    ) -> State:
+    def pose(self, start: Floats, transforms: Floats, near: Near = (), report: Progress = quiet) -> State:
         """Return the state in a pose, begun at a surface.
 
         The surface is (n, 3) [mm]. Edges keep their lengths on the surface, and their angles at rest. The
@@ -251,15 +245,13 @@ class PBDSolver:
         if self._as_carried is None:
             self._as_carried = self.rows.constants.copy()
         sweep.take_lengths(p, self.rows.points, self._as_carried)
-        keep_out = self._keep_out(transforms, transforms, p[:-1].copy(), neighbours)
-        held = self._iterate(p, self._as_carried, keep_out, progress)
+        keep_out = self._keep_out(transforms, transforms, p[:-1].copy(), near)
+        held = self._iterate(p, self._as_carried, keep_out, report)
         if self.parameters.finish:
             held = self._exact.finish(p[:-1], keep_out)
         return self._state(p[:-1], transforms, held)
 
-    def _with_velocities(
-        self, state: State, transforms: Floats, neighbours: Near, progress: Progress
-    ) -> State:
+    def _with_velocities(self, state: State, transforms: Floats, near: Near, report: Progress) -> State:
         """Do Algorithm 2, lines 6 to 37."""
         settings, x, v, dt = self.parameters, state.positions, state.velocities, self.parameters.dt
         assert v is not None  # the state is of this kind
@@ -267,8 +259,8 @@ class PBDSolver:
             force = np.asarray(settings.external_force, dtype=np.float64)
             start = x + dt * (settings.velocity_kept * (v + dt * force))
             p = self._with_fixed_points(start, transforms)
-            keep_out = self._keep_out(transforms, state.transforms, x, neighbours)
-            held = self._iterate(p, self.rows.constants, keep_out, progress)
+            keep_out = self._keep_out(transforms, state.transforms, x, near)
+            held = self._iterate(p, self.rows.constants, keep_out, report)
             if settings.finish:
                 held |= self._exact.finish(p[:-1], keep_out)
             velocities = (p[:-1] - x) / dt
@@ -298,14 +290,6 @@ class PBDSolver:
         squares = ((turns[1:] - turns[:1]) ** 2).sum(axis=(1, 2)).max(initial=0.0)
         turn = 2.0 * math.degrees(math.asin(min(math.sqrt(squares / 8.0), 1.0)))
         return max(1, math.ceil(turn / LARGEST_TURN - 1e-6))
-
-    def _carried(self, x: Floats, before: Floats, now: Floats) -> Floats:
-        """Return points moved by the bones' blended motions, (n, 3)."""
-        if self._weights is None:
-            return x
-        bones = [bone for bone, _ in self._fixed]
-        motions = centred(now[bones] @ inverses(before[bones]), self.centre)
-        return blend_motions(motions, self._weights, x)
 
     def _with_fixed_points(self, points: Floats, transforms: Floats) -> Floats:
         """Return points with the fixed points on their bones, and one more: (n + 1, 3)."""

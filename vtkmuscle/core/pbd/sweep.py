@@ -46,11 +46,9 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Edges of a row: two vectors of eight numbers, or four of four.
 WIDTH = 16
-
 #: Numbers of an edge that do not change: inverse masses of its four points, stiffness and rest length,
 #: stiffness of its angle, and the cosine and sine of its rest angle; the place of the rest length.
 N_CONSTANTS, LENGTH = 9, 5
-
 #: Coefficients of atan(x) / x in x^2, from the greatest power on, for x from 0 to 1; its error is 2e-15.
 _ATAN = Chebyshev.interpolate(lambda u: np.arctan(np.sqrt(u)) / np.sqrt(u), 18, domain=[0.0, 1.0])
 _A: tuple[float, ...] = tuple(_ATAN.convert(kind=Polynomial).coef[::-1].tolist())
@@ -89,9 +87,8 @@ def edge_rows(
         return EdgeRows(*nothing, used)
     rows = rows_of_edges(quads[used], n)
     points = np.where(quads < 0, n, quads)[used]
-    constants = np.column_stack(
-        [masses, stiffness, lengths, angle_stiffness, np.cos(angles), np.sin(angles)]
-    )[used]
+    turned = np.cos(angles), np.sin(angles)
+    constants = np.column_stack([masses, stiffness, lengths, angle_stiffness, *turned])[used]
     # Row -1 stands for no edge.
     points = np.vstack([points, np.full(4, n)])[rows].swapaxes(1, 2)
     constants = np.vstack([constants, np.zeros(N_CONSTANTS)])[rows].swapaxes(1, 2)
@@ -208,9 +205,8 @@ def _project_angle(b: Floats, c: Floats, k: int, signed: bool) -> None:
     )  # fmt: skip
     # The unsigned angle is that of a ridge, and turns the other way in a groove.
     side = 1.0 if (sine > 0.0) | signed else (-1.0 if sine < 0.0 else 0.0)
-    off = side * turn_from(
-        sine * side if side != 0.0 else 0.0, cosine, n11 * n22, c[7 * WIDTH + k], c[8 * WIDTH + k]
-    )
+    folded = sine * side if side != 0.0 else 0.0
+    off = side * turn_from(folded, cosine, n11 * n22, c[7 * WIDTH + k], c[8 * WIDTH + k])
     a1, b1 = ee - a2, ee - b2
     cross = 2.0 * cosine
     # |dphi/dp_i|^2 |e|^2 |n1|^2 |n2|^2 of the four points.
@@ -278,17 +274,15 @@ def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
     lengths = np.linalg.norm(difference, axis=1)
     along = np.abs(np.einsum("ij,ij->i", difference, directions))
     cosines = np.divide(along, lengths, out=np.zeros(len(edges)), where=lengths > 0)
-    stiffness: Floats = 1.0 - np.clip(cosines, 0.0, 1.0)
-    return stiffness
+    return np.asarray(1.0 - np.clip(cosines, 0.0, 1.0))
 
 
 def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) -> Floats:
     """Return directions of the nearest fibre segments. Unit vectors (q, 3) at positions (q, 3)."""
     a, b, lengths = proper_segments(fibre_points, offsets)
     ends = np.stack([a, b], axis=1).reshape(-1, 3)
-    triangles = 2 * np.arange(len(a))[:, None] + np.array(
-        [0, 1, 1]
-    )  # each segment as a triangle without area
+    # Each segment as a triangle without area.
+    triangles = 2 * np.arange(len(a))[:, None] + np.array([0, 1, 1])
     nearest, _, distances = triangle_tree(ends, triangles).nearest(queries)
     _, first, point = np.unique(ends, axis=0, return_index=True, return_inverse=True)
     first, limit = first[point.reshape(-1, 2)] // 2, distances + EQUALLY_NEAR * lengths.max()

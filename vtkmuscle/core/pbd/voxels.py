@@ -24,26 +24,19 @@ from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 Cells = NDArray[np.uint8]
-
 #: Values of cells.
 OUTSIDE, BOUNDARY, INSIDE = 0, 1, 2
-
 #: Number of cells in the experiments of Kohout and Cervenka 2021, section 4.
 DEFAULT_N_MAX = 8 * 64**3
 #: Most cells along each axis: with a byte for each, 134 MB of a bone.
 MOST_N_EQUAL = 512
-
 #: A point this near to an outside cell, in cells, is outside. A point that a bone has stopped is on the face
 #: of a cell, and rounding would decide whether the bone moves over it in the next step.
 ON_A_FACE = 1e-9
-
 #: Slack of the triangle-box test, in cells: rounding must not open a gap in the boundary.
 _OVERLAP_SLACK = 1e-9
-
 #: Thinnest side of the grid as a part of the box's diagonal: the box of a flat surface has no volume.
 _THINNEST = 1e-6
-
-
 #: Voxels of bones, by how these are divided, for all muscles that meet them.
 _GRIDS: WeakKeyDictionary[Bone, dict[tuple[int, int | None], VoxelGrid]] = WeakKeyDictionary()
 

@@ -28,13 +28,11 @@ from vtkmuscle.core.types import Bools, Floats, Ints, Progress, quiet
 
 #: Neighbouring muscles now.
 Near = Sequence[Neighbour]
-
 #: How far a displacement spreads over the surface, the standard deviation along a line, as a part of the
 #: muscle's mean thickness 2 V / A. Of four muscles of a real hip 0.2 and 0.3 leave one a tenth rougher or
 #: another a tenth smoother; 0.8 is rougher, and takes all farther from where they are carried
 #: (bench_settling.py).
 SPREAD = 0.4
-
 #: How far ways out of a bone spread where they would tear the muscle, likewise; and how often points go on
 #: by their depth along these, at most. A gluteus maximus that is carried 11 mm into the ischium has edges 2.5
 #: to 3.3 times as long as at rest with 1.2 to 2.4, 9 with 0.8 or without; with two times up to 8.7, six 3.3.
@@ -66,16 +64,14 @@ class Settling:
     fixed_to : (n,) int, index of the bone each point is fixed to, -1 for free points;
     bones : mapping of int to Bone, bones that free points are kept out of, by index: see
         :class:`~vtkmuscle.core.bones.contact.BoneContact`;
-    clearance : float, distance that points keep from the bones [mm].
+    gap : float, distance that points keep from the bones [mm].
     """
 
-    def __init__(
-        self, shape: RestShape, fixed_to: Ints, bones: Mapping[int, Bone], clearance: float = 0.0
-    ) -> None:
+    def __init__(self, shape: RestShape, fixed_to: Ints, bones: Mapping[int, Bone], gap: float = 0.0) -> None:
         self._rest = shape.points
         self._free = free = fixed_to < 0
         self._fixed = [(int(bone), np.flatnonzero(fixed_to == bone)) for bone in np.unique(fixed_to[~free])]
-        self._contact = BoneContact(bones, self._rest, free, clearance)
+        self._contact = BoneContact(bones, self._rest, free, gap)
         self._diffusion = Diffusion(self._rest, shape.topology.triangles)
         self._edges = shape.topology.edges
         self._volume = Volume(shape, free)

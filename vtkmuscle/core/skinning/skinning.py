@@ -23,17 +23,13 @@ from vtkmuscle.core.types import Floats, Ints
 #: Paths that take a point of the surface along, at most: those of the nearest points of paths, of which so
 #: many are looked at.
 CARRIERS, LOOKED_AT = 8, 64
-
 #: Paths beside one whose points turn with its own, with it, and the weights of their points so many before to
 #: so many behind: a binomial, as wide as a cubic B-spline.
 BESIDE, WINDOW = 12, (1.0, 4.0, 6.0, 4.0, 1.0)
-
 #: Weights of a cubic B-spline's four nodes (columns), by powers of the place between the middle two (rows).
 CUBIC = np.array([(1, 4, 1, 0), (-3, 0, 3, 0), (3, -6, 3, 0), (-1, 3, -3, 1)]) / 6.0
-
 #: How much of a turn comes from the bones: it decides where paths do not, as all of them are on a line.
 FROM_BONES = 0.02
-
 #: Distances below this part of the muscle's thickness are the same.
 LEAST_APART = 1e-3
 
@@ -106,8 +102,7 @@ class Skinning:
 
         The values (f n, ...) are at the points beside each point of a path.
         """
-        means: Floats = self._across @ (self._along @ values)
-        return means
+        return np.asarray(self._across @ (self._along @ values))
 
     def _weights_of(self, points: Floats, least: float) -> SkinningWeights:
         f, n = len(self._lengths), len(self._rest) // len(self._lengths)
@@ -209,8 +204,7 @@ def falling_weights(distances: Floats, least: float) -> Floats:
     # not matter. Rows of equal weights stay unchanged.
     less = values - values[:, -1:]
     values = np.where(less[:, :1] > SAME, less, values)
-    weights: Floats = values / values.sum(axis=1, keepdims=True)
-    return weights
+    return np.asarray(values / values.sum(axis=1, keepdims=True))
 
 
 def _places_beside(points: Floats, paths: Floats, near: Ints, count: int) -> tuple[Ints, Floats, Floats]:

@@ -47,8 +47,6 @@ class Algorithm(VTKPythonAlgorithmBase):
         super().__init__(nInputPorts=len(self.input_ports), nOutputPorts=len(self.output_ports))
         self.GetExecutive().AddObserver("ErrorEvent", show_error)
 
-    # ---------------------------------------------------------------- to be defined by subclasses
-
     def execute(self, *inputs: Any) -> Any:
         """Compute the outputs from the inputs, in port order.
 
@@ -76,8 +74,6 @@ class Algorithm(VTKPythonAlgorithmBase):
         self._kept[name] = kept
         result: T = kept[1]
         return result
-
-    # ---------------------------------------------------------------- progress, and what went wrong
 
     def report_progress(self, fraction: float) -> None:
         """Report progress to observers, and stop after a request to abort.
@@ -115,8 +111,6 @@ class Algorithm(VTKPythonAlgorithmBase):
             data = connection.GetProducer().GetOutputDataObject(connection.GetIndex())
             if data is not None and not data.IsA(port.type_name):
                 raise TypeError(f"{owner}.{port.name} takes a {port.type_name}, got a {data.GetClassName()}")
-
-    # ---------------------------------------------------------------- requests
 
     def FillInputPortInformation(self, port: int, info: Any) -> int:
         """Tell VTK the kind of data on an input port."""
@@ -183,7 +177,14 @@ class Algorithm(VTKPythonAlgorithmBase):
         except InputError as error:
             self._name(error)
             raise
-        self._publish(result, inputs, outInfo)
+        provenance = provenance_array(inputs, type(self).__name__, self.parameters())
+        for port, data in enumerate(result if isinstance(result, tuple) else (result,)):
+            if data is not None:  # None for an output that was not requested
+                output = outInfo.GetInformationObject(port).Get(vtkDataObject.DATA_OBJECT())
+                output.ShallowCopy(data)
+                output.GetFieldData().AddArray(provenance)
+                if self.request_time is not None:
+                    output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), self.request_time)
         return 1
 
     def _name(self, error: InputError) -> None:
@@ -204,17 +205,6 @@ class Algorithm(VTKPythonAlgorithmBase):
                 raise InputError(port.name, "the input has no points")
             kept = self._arguments[number] = data, state, port.take(data)
         return kept[2]
-
-    def _publish(self, results: Any, inputs: Sequence[Any], outInfo: Any) -> None:
-        provenance = provenance_array(inputs, type(self).__name__, self.parameters())
-        for port, result in enumerate(results if isinstance(results, tuple) else (results,)):
-            if result is None:  # the output was not requested
-                continue
-            output = outInfo.GetInformationObject(port).Get(vtkDataObject.DATA_OBJECT())
-            output.ShallowCopy(result)
-            output.GetFieldData().AddArray(provenance)
-            if self.request_time is not None:
-                output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), self.request_time)
 
 
 def _first_of_each(inInfo: Any) -> list[Any]:

@@ -65,9 +65,8 @@ class Filter(Runnable, Algorithm):
         keyword = inspect.Parameter.KEYWORD_ONLY
         defaults = {port.name: None for port in cls.input_ports}
         defaults |= {name: parameter.default for name, parameter in cls.parameter_declarations.items()}
-        cls.__signature__ = inspect.Signature(
-            [inspect.Parameter(name, keyword, default=value) for name, value in defaults.items()]
-        )
+        keywords = [inspect.Parameter(name, keyword, default=value) for name, value in defaults.items()]
+        cls.__signature__ = inspect.Signature(keywords)
         own = cls.__dict__.get("__doc__") or ""
         cls.__doc__ = documented(own, cls.parameter_declarations, cls.input_ports, cls.output_ports)
 
@@ -102,8 +101,6 @@ class Filter(Runnable, Algorithm):
                 problem = f"{type(self).__name__} has no parameter or input port {name!r}"
                 raise error(f"{problem}; {suggestion(name, declared)}")
 
-    # ---------------------------------------------------------------- parameters
-
     def parameters(self) -> dict[str, Any]:
         """Return the parameters; ``type(self)(**parameters)`` rebuilds the filter."""
         return dict(self._parameter_values)
@@ -128,8 +125,6 @@ class Filter(Runnable, Algorithm):
         return f"{type(self).__name__}({values})"
 
     __str__ = __repr__
-
-    # ---------------------------------------------------------------- connections
 
     def connect(self, port: str | int, value: Any) -> None:
         """Connect an input port; ``connect("muscle", mesh)`` is ``muscle = mesh``.

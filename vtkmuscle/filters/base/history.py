@@ -10,7 +10,6 @@ from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 
 Frame = TypeVar("Frame")
-
 #: Unit of ``checkpoint_memory`` [bytes].
 MEGABYTE = 10**6
 
@@ -28,9 +27,7 @@ class Checkpoints(dict[float | None, Frame]):
         """Return the index after a path's last stored frame."""
         return max((i + 1 for i, time in enumerate(path) if time in self), default=0)
 
-    def thin(
-        self, steps: Sequence[float], last: Sequence[float | None], *, nbytes: int, memory: float
-    ) -> None:
+    def thin(self, steps: Sequence[float], last: Sequence[float | None], nbytes: int, memory: float) -> None:
         """Drop frames of `nbytes` each until they fit into `memory` [bytes].
 
         `steps` are all time steps, in order. Frames between steps go first, because no other frame depends on

@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 import warnings
 from collections.abc import Iterator, Sequence
-from typing import Any, NoReturn
+from typing import Any
 
 from vtkmodules.vtkCommonCore import vtkOutputWindow
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
@@ -61,30 +61,23 @@ def update(algorithm: Any, time: float | None = None, port: int = 0) -> Output:
         steps = times_of(info)
         request_time(info, steps[-1] if asked is None and steps else asked)
         if time is not None and steps and not steps[0] <= time <= steps[-1]:
-            warnings.warn(
-                f"{type(algorithm).__name__}: time {time:g} is outside of the motion, {steps[0]:g} to "
-                f"{steps[-1]:g}: the nearest end of the motion is used; request a time within",
-                stacklevel=3,
-            )
+            words = f"time {time:g} is outside of the motion, {steps[0]:g} to {steps[-1]:g}: the nearest end"
+            remedy = "of the motion is used; request a time within"
+            warnings.warn(f"{type(algorithm).__name__}: {words} {remedy}", stacklevel=3)
         done = done and executive.Update(port)
         request_time(info, asked)
     finally:
         _within.update = outer
         if collector is not None:
             collector.DeferredCollectionPop()
-    if not done:
-        _raise_failure(algorithm)
-    return Output(algorithm, port)
-
-
-def _raise_failure(algorithm: Any) -> NoReturn:
-    """Raise the failure farthest upstream."""
+    if done:
+        return Output(algorithm, port)
     filters = [stage for stage in reversed(list(upstream(algorithm))) if hasattr(stage, "take_failure")]
     for stage in filters:
         stage.check_connections()
-    failures = [failure for stage in filters if (failure := stage.take_failure()) is not None]
-    if failures:
-        raise failures[0]
+    for failure in [stage.take_failure() for stage in filters]:  # the farthest upstream first
+        if failure is not None:
+            raise failure
     raise RuntimeError(f"{type(algorithm).__name__}: an algorithm upstream failed; see VTK's message above")
 
 
