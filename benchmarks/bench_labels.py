@@ -23,7 +23,7 @@ from vtkmuscle.data.arrays import blocks_of, checked_surface
 from vtkmuscle.data.label_images import label_image
 from vtkmuscle.filters import LabelSurfaces
 from vtkmuscle.filters.attachment_estimator import estimated_areas
-from vtkmuscle.labels import maps
+from vtkmuscle.labels import page
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from phantoms import hip, label_map
@@ -68,9 +68,9 @@ def paths():
     print("voxels [mm] | muscle | lengths off [%] | arms off [mm]")
     for size in (1.0, 1.5, 3.0):
         image = label_map(hip(), spacing=size)
-        maps.read_labels = lambda *_, image=image, **__: [image]
+        page.read_labels = lambda *_, image=image, **__: [image]
         with tempfile.TemporaryDirectory() as folder:
-            draft = maps.draft_of_labels("hip")
+            draft = page.draft_of_labels("hip")
             made = replace(Scene.load(draft.write(Path(folder))), deformer="none").run()
         for name in true.lengths:
             lengths = made.lengths[name].mean(axis=1) / true.lengths[name].mean(axis=1) - 1.0
