@@ -20,7 +20,7 @@ from common import PRINTED, STEP, Case, Floats, Table, angles_up_to, curves, mai
 from published_loop import run
 
 from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology
-from vtkmuscle.core.pbd import solver
+from vtkmuscle.core.pbd import sweep
 from vtkmuscle.core.pbd.sweep import edge_stiffness, fibre_directions_at
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, polylines_of
 
@@ -36,16 +36,16 @@ def recorded(moves: list[float], end: Callable[[], Floats]) -> Iterator[None]:
     An iteration begins with its distances: with where the one before ended. ``end`` gives where the last did.
     """
     before: list[Floats] = []
-    sweep = solver.project_edges
+    project = sweep.project_edges
 
     def noting(p: Floats, points: Any, constants: Floats, with_lengths: bool, *arguments: Any) -> None:
         if with_lengths:
             if before:
                 moves.append(float(np.linalg.norm(p[:-1] - before[-1], axis=1).mean()))
             before[:] = [p[:-1].copy()]
-        sweep(p, points, constants, with_lengths, *arguments)
+        project(p, points, constants, with_lengths, *arguments)
 
-    with mock.patch.object(solver, "project_edges", noting):
+    with mock.patch.object(sweep, "project_edges", noting):
         yield
     moves.append(float(np.linalg.norm(end() - before[-1], axis=1).mean()))
 

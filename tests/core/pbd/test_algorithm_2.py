@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from vtkmuscle import RigidMotion, Scene, phantoms
-from vtkmuscle.core.pbd import solver
+from vtkmuscle.core.pbd import sweep
 from vtkmuscle.core.pbd.voxels import OUTSIDE, build_voxel_grid
 from vtkmuscle.data.arrays import blocks_of, checked_surface, point_array, points_of, polylines_of
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
@@ -168,16 +168,16 @@ def test_displacements_are_below_a_hundredth_of_a_millimetre_at_the_tenth_iterat
     """Fig. 7: adductor brevis, 0 to 90 degrees by 2, 10 iterations per step."""
     moves = []
 
-    def noted(sweep):
+    def noted(project):
         def noting(p, points, constants, with_lengths, *arguments):
             if with_lengths:
                 moves.append(p[:-1].copy())
-            sweep(p, points, constants, with_lengths, *arguments)
+            project(p, points, constants, with_lengths, *arguments)
 
         return noting
 
     # Its first projection is that of the distances: what one iteration begins with the one before ends with.
-    monkeypatch.setattr(solver, "project_edges", noted(solver.project_edges))
+    monkeypatch.setattr(sweep, "project_edges", noted(sweep.project_edges))
     scene = Scene.load(lhdl_hip / "scene.toml")
     both = Both(scene, "adductor_brevis", iterations=10)
     tenth = []
