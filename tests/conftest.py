@@ -10,7 +10,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
+from hypothesis import settings
 from tried import Tried
+
+# How long an example takes is the machine's, not the code's.
+settings.register_profile("untimed", deadline=None)
+settings.load_profile("untimed")
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 #: What the first and the second process begin with: at the end, one would wait for the other, or share it.

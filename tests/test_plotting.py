@@ -86,7 +86,7 @@ def test_a_muscle_is_seen_from_the_side_that_no_bone_hides():
     assert view.direction[1] > 0.65
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.floats(0.0, 360.0), st.floats(-60.0, 60.0), st.integers(0, 2**32 - 1))
 def test_a_frame_encloses_all_points(azimuth, elevation, seed):
     a, e = np.radians([azimuth, elevation])
@@ -147,7 +147,7 @@ def test_a_picture_of_a_studio_is_that_of_a_plotter(renders):
 # ---------------------------------------------------------------- places
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1))
 def test_places_are_in_the_order_across_the_fibres(seed):
     """Fibres side by side that begin wherever they like, and run along z."""

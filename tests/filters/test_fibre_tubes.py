@@ -45,7 +45,7 @@ def test_a_fibre_without_length_gets_no_tube_and_the_others_keep_their_scalars()
 steps = st.sampled_from([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, 0, -1), (1e-13, 0, 0), (2, 3, 1)])
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(walk=st.lists(steps, min_size=2, max_size=12))
 def test_repeated_points_and_turns_back_make_no_nan(walk):
     lines = (np.cumsum(np.array(walk, dtype=float), axis=0), straight(5))

@@ -27,7 +27,7 @@ def changed(table, line, column, value):
     table.write_text("\n".join(",".join(row) for row in rows) + "\n")
 
 
-@settings(deadline=None, max_examples=5)
+@settings(max_examples=5)
 @given(axis=AXES, centre=st.tuples(*[st.floats(-500, 500)] * 3), angle=st.floats(0.001, 170))
 def test_a_motion_comes_back_exactly(axis, centre, angle, tmp_path_factory):
     motion = hinge("femur", centre, axis, [0.0, angle])

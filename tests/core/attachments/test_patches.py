@@ -124,7 +124,7 @@ def test_the_patch_is_on_the_side_of_the_bone_wherever_the_landmarks_are(height)
     assert (SLAB[0][patch][:, 2] == 0.0).all()
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     seed=st.integers(0, 2**32 - 1),
     off=st.floats(-10.0, 10.0),

@@ -37,7 +37,7 @@ def test_the_field_is_within_its_bound_of_the_exact_distance(shape, rng):
     assert np.median((outward * away).sum(axis=1)) > 0.99
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 2**32 - 1), parts=st.integers(1, 9))
 def test_what_was_asked_before_changes_no_digit(seed, parts):
     rng = np.random.default_rng(seed)

@@ -136,7 +136,7 @@ def total(starts, ends, goes_with):
     return ((starts - ends[goes_with]) ** 2).sum()
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 60), flat=st.booleans())
 def test_the_sum_of_squares_is_the_least(seed, n, flat):
     rng = np.random.default_rng(seed)

@@ -49,7 +49,7 @@ corners = st.integers(0, 19)
 shares = st.floats(0, 1)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(query=anywhere)
 def test_weights_sum_to_one_and_reproduce_their_point_inside_and_outside(query):
     points, triangles = block()
@@ -58,7 +58,7 @@ def test_weights_sum_to_one_and_reproduce_their_point_inside_and_outside(query):
     assert_allclose(w @ points, query, atol=1e-10)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(triangle=corners, a=shares, b=shares)
 def test_on_triangles_edges_and_vertices_the_weights_are_barycentric(triangle, a, b):
     points, triangles = block()

@@ -193,7 +193,7 @@ def test_degenerate_fibres_give_finite_points():
     assert np.isfinite(trimmed(lines)).all()
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(2, 12))
 def test_new_segments_in_a_plane_never_cross(seed, count):
     rng = np.random.default_rng(seed)
@@ -236,7 +236,7 @@ def distance_to_ray(points, start, ahead):
     return np.linalg.norm(points - start - t[:, None] * ahead, axis=1)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1))
 def test_no_point_of_the_triangles_is_closer_to_the_ray(seed):
     rng = np.random.default_rng(seed)

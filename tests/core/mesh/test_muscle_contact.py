@@ -27,7 +27,7 @@ def directions(seed, n):
     return found / np.linalg.norm(found, axis=1, keepdims=True)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 2**32 - 1), height=st.floats(-10.0, 10.0))
 def test_points_go_straight_out_and_those_outside_stay(seed, height):
     way = directions(seed, 50)

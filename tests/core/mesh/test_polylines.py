@@ -27,7 +27,7 @@ def smoothed_by_the_formula(line, k, iterations):
     return line
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 10**6), k=st.floats(0, 50), iterations=st.integers(0, 6))
 def test_smoothing_is_the_papers_formula_on_each_line(seed, k, iterations):
     points, offsets = random_lines(seed)
@@ -39,7 +39,7 @@ def test_smoothing_is_the_papers_formula_on_each_line(seed, k, iterations):
         assert_array_equal(result[[first, last - 1]], line[[0, -1]])
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 10**6), count=st.integers(2, 40))
 def test_evenly_spaced_points_are_on_the_line_and_equally_far_along_it(seed, count):
     points, offsets = random_lines(seed)

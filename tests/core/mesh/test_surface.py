@@ -49,7 +49,7 @@ def test_stretches_are_the_singular_values_of_the_map_of_each_triangle(rng):
     assert (least[-1], greatest[-1], areas[-1]) == (1.0, 1.0, 0.0)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     shift=st.tuples(*[st.floats(-1e6, 1e6)] * 3),
     angle=st.floats(-360, 360),

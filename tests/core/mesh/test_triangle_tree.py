@@ -19,7 +19,7 @@ def soup(n, seed):
     return corners.reshape(-1, 3), np.arange(3 * n).reshape(-1, 3)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(n=st.integers(1, 60), seed=st.integers(0, 2**32 - 1))
 def test_the_nearest_of_all_triangles_is_found(n, seed):
     points, triangles = soup(n, seed)

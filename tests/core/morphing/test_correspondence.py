@@ -26,7 +26,7 @@ def ellipse(a=20.0, b=8.0, *, centre=(25.0, 15.0), turn=0.0, n=90, first=0):
     return points @ np.array([[c, s], [-s, c]]) + centre
 
 
-@settings(deadline=None, max_examples=80)
+@settings(max_examples=80)
 @given(seed=st.integers(0, 10**6), n=st.integers(4, 12))
 def test_the_split_has_the_least_error_of_all_splits(seed, n):
     rng = np.random.default_rng(seed)
@@ -122,7 +122,7 @@ def star(rng, n):
     return np.column_stack([radii * np.cos(angles), radii * np.sin(angles)])
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 10**6), n=st.integers(3, 40))
 def test_sum_to_one_and_reproduce_linear_functions(seed, n):
     rng = np.random.default_rng(seed)
@@ -141,7 +141,7 @@ def test_sum_to_one_and_reproduce_linear_functions(seed, n):
     assert np.abs(weights @ polygon - points)[good].max() < 1e-10
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), n=st.integers(3, 30))
 def test_agree_with_libigl(seed, n):
     rng = np.random.default_rng(seed)

@@ -158,7 +158,7 @@ def test_a_muscle_without_an_inside_is_refused():
         morph(points, np.array([(0, 1, 2), (0, 2, 1)]), transform=np.diag([10.0, 1, 30, 1]))
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(heights=st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40), wide=st.booleans())
 def test_heights_share_a_level_within_the_tolerance(heights, wide):
     heights, tolerance = np.array(heights), 10.0 if wide else 0.0

@@ -75,7 +75,7 @@ def test_an_open_or_inconsistent_surface_is_refused(triangles):
         opposite_half_edges(triangles)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10**6))
 def test_loops_are_those_of_vtk(seed):
     rng = np.random.default_rng(seed)

@@ -36,7 +36,7 @@ def test_a_point_that_no_motion_has_weight_for_stays():
     assert np.array_equal(blended[[0, 2]], points[[0, 2]])
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10**6))
 def test_blend_does_not_depend_on_the_frame_of_reference(seed):
     rng = np.random.default_rng(seed)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from vtkmuscle.core.motion.rigid import (
@@ -26,7 +26,6 @@ def screw(centre, axis, degrees, shift):
     return transform
 
 
-@settings(deadline=None)
 @given(centre=vector, axis=direction, degrees=angle)
 def test_rotation_about_keeps_its_axis_and_are_rigid(centre, axis, degrees):
     transform = rotation_about(centre, axis, degrees)
@@ -40,7 +39,6 @@ def test_rotation_is_right_handed():
     np.testing.assert_allclose(turned, [[0, 1, 0]], atol=1e-15)
 
 
-@settings(deadline=None)
 @given(centre=vector, axis=direction, degrees=angle, shift=vector)
 def test_inverse_undoes_a_transform(centre, axis, degrees, shift):
     transform = screw(centre, axis, degrees, shift)

@@ -15,7 +15,7 @@ def test_stiffness_is_zero_along_and_one_across_whatever_the_sign():
     assert np.allclose(stiffness, [0, 0, 1, 1 - np.sqrt(0.5), 1])
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10**6), segments=st.integers(1, 60), spread=st.floats(0.01, 10.0))
 def test_a_fibre_direction_is_that_of_the_nearest_segment_of_all(seed, segments, spread):
     rng = np.random.default_rng(seed)

@@ -19,7 +19,7 @@ def template(request):
     return TEMPLATES[request.param]
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(r=unit, s=unit)
 @example(r=0.23435028491676452, s=0.125)  # the weights of the corners add up to a little more than 1
 def test_fibres_stay_in_the_cube_and_climb(r, s):
@@ -52,7 +52,7 @@ def test_pennate_fibres_are_straight_parallel_and_equally_long(kind, width, rng)
     assert np.allclose(np.diff(points, axis=1), np.array([width, 0.0, 0.5]) / 6, atol=1e-14)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(degree=st.integers(1, 4), seed=st.integers(0, 1000))
 def test_bezier_agrees_with_scipy(degree, seed):
     rng = np.random.default_rng(seed)
