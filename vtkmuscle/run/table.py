@@ -238,7 +238,9 @@ def optional_package(name: str, use: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        raise ImportError(f"{use} needs {name}: python -m pip install {name}") from error
+        raise ImportError(
+            f"{use} needs {name}: python -m pip install {name}; dict(table) gives arrays"
+        ) from error
 
 
 def error_sizes(errors: Mapping[str, Floats]) -> dict[str, float | None]:
