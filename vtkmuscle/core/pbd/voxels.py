@@ -55,15 +55,23 @@ class VoxelGrid:
         Points are (n, 3) [mm, rest pose], the result (n,). A point on a face lies in two cells; both cells
         must be boundary or inside.
         """
-        at = (np.asarray(points, dtype=np.float64) - self.origin) / self.spacing
-        found: Bools = np.asarray(((at >= 0.0) & (at < self.cells.shape)).all(axis=1))
-        low, high = ((at[found] + slack).astype(np.int64) for slack in (-ON_A_FACE, ON_A_FACE))
-        last = np.array(self.cells.shape) - 1
-        inside: Bools = np.ones(len(low), dtype=np.bool_)
-        for side in np.ndindex(2, 2, 2):
-            inside &= self.cells[tuple(np.where(side, high, low).clip(0, last).T)] >= BOUNDARY
-        found[found] = inside
-        return found
+        within: Bools = np.empty(len(points), dtype=np.bool_)
+        _contains((np.asarray(points, dtype=np.float64) - self.origin) / self.spacing, self.cells, within)
+        return within
+
+
+@kernel
+def _contains(at: Floats, cells: Cells, within: Bools) -> None:
+    """Write whether positions in cells (n, 3) lie in boundary or inside cells."""
+    a, b, c = cells.shape
+    for n in range(len(at)):
+        x, y, z = at[n, 0], at[n, 1], at[n, 2]
+        within[n] = 0.0 <= x < a and 0.0 <= y < b and 0.0 <= z < c
+        if within[n]:
+            for i in (int(x - ON_A_FACE), min(int(x + ON_A_FACE), a - 1)):
+                for j in (int(y - ON_A_FACE), min(int(y + ON_A_FACE), b - 1)):
+                    for k in (int(z - ON_A_FACE), min(int(z + ON_A_FACE), c - 1)):
+                        within[n] = within[n] and cells[i, j, k] >= BOUNDARY
 
 
 def build_voxel_grid(
