@@ -31,9 +31,12 @@ def _moved(bone: vtkPolyData, transform: Floats) -> vtkPolyData:
     """Return a bone moved rigidly, with its normals and vectors."""
     to_pose = vtkTransform()
     to_pose.SetMatrix(transform.ravel().tolist())
-    mover = vtkTransformFilter(transform=to_pose, input_data=bone)
-    mover.output_points_precision = vtkAlgorithm.DOUBLE_PRECISION
-    moved: vtkPolyData = mover.update().output
+    mover = vtkTransformFilter()
+    mover.SetTransform(to_pose)
+    mover.SetInputData(bone)
+    mover.SetOutputPointsPrecision(vtkAlgorithm.DOUBLE_PRECISION)
+    mover.Update()
+    moved: vtkPolyData = mover.GetOutput()
     return add_arrays(moved, fields={"Transform": transform.reshape(-1)})
 
 

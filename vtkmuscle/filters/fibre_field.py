@@ -110,10 +110,12 @@ class FibreField(Filter):
         if self.at == "cells":
             reader, count = vtkCellCenters(), mesh.GetNumberOfCells()
         else:
-            reader, count = vtkMaskPoints(on_ratio=1), mesh.GetNumberOfPoints()
-            reader.output_points_precision = vtkMaskPoints.DOUBLE_PRECISION
-        reader.input_data = mesh
-        positions = points_of(reader.update().output)
+            reader, count = vtkMaskPoints(), mesh.GetNumberOfPoints()
+            reader.SetOnRatio(1)
+            reader.SetOutputPointsPrecision(vtkMaskPoints.DOUBLE_PRECISION)
+        reader.SetInputData(mesh)
+        reader.Update()
+        positions = points_of(reader.GetOutput())
         if not count:
             raise InputError("mesh", f"the mesh has no {self.at}")
         if len(positions) != count or not np.isfinite(positions).all():

@@ -59,9 +59,14 @@ class FibreTubes(Filter):
     def execute(self, fibres: Polylines) -> vtkPolyData:
         """Return the tubes."""
         # Points are not shared: VTK blends the tubes of lines with common points.
-        tubes = vtkTubeFilter(input_data=fibres.copy(), radius=self.radius, number_of_sides=self.sides)
-        tubes.capping, tubes.output_points_precision = True, vtkAlgorithm.DOUBLE_PRECISION
-        result: vtkPolyData = tubes.update().output
+        tubes = vtkTubeFilter()
+        tubes.SetInputData(fibres.copy())
+        tubes.SetRadius(self.radius)
+        tubes.SetNumberOfSides(self.sides)
+        tubes.CappingOn()
+        tubes.SetOutputPointsPrecision(vtkAlgorithm.DOUBLE_PRECISION)
+        tubes.Update()
+        result: vtkPolyData = tubes.GetOutput()
         if result.GetNumberOfPoints() == 0:
             raise InputError("fibres", "all lengths are 0, so there are no tubes")
         return result
