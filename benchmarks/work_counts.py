@@ -24,8 +24,7 @@ from vtkmuscle.data.arrays import blocks_of, multiblock_from
 from vtkmuscle.filters import FixedPointDetector
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.pipelines import deform
-from vtkmuscle.plotting import Studio, View
-from vtkmuscle.plotting import views as drawn_bones
+from vtkmuscle.plotting import Studio, View, views
 from vtkmuscle.plotting.studio import FINER
 from vtkmuscle.run import result_data
 
@@ -69,7 +68,7 @@ def drawing() -> dict[str, int]:
     found: Counter[str] = Counter()
     with ExitStack() as stack:
         watched = (
-            ("bones made coarser", drawn_bones, "clustered"),
+            ("bones made coarser", views, "clustered"),
             ("windows opened", Studio, "__init__"),
             ("moment arms of muscles", result_data, "joint_arms"),
         )
@@ -96,7 +95,7 @@ def _refined(bone: vtkPolyData) -> vtkPolyData:
     """Return a bone with so many triangles that two of them are drawn with fewer."""
     finer = vtkLinearSubdivisionFilter()
     finer.SetInputData(bone)
-    finer.SetNumberOfSubdivisions(math.ceil(math.log(drawn_bones.TRIANGLES / bone.GetNumberOfCells(), 4)))
+    finer.SetNumberOfSubdivisions(math.ceil(math.log(views.TRIANGLES / bone.GetNumberOfCells(), 4)))
     finer.Update()
     found: vtkPolyData = finer.GetOutput()
     return found

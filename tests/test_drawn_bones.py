@@ -11,7 +11,7 @@ from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import rotation_about
 from vtkmuscle.data.arrays import checked_surface, multiblock_from, points_of, surface_from, triangles_of
-from vtkmuscle.plotting import views as drawn_bones
+from vtkmuscle.plotting import views
 from vtkmuscle.plotting.views import DrawnBones, clustered
 
 
@@ -43,7 +43,7 @@ def test_bones_that_are_coarse_are_drawn_as_they_are(ball):
 
 
 def test_all_bones_together_have_no_more_triangles_than_a_picture_shows(ball, monkeypatch):
-    monkeypatch.setattr(drawn_bones, "TRIANGLES", 1500)
+    monkeypatch.setattr(views, "TRIANGLES", 1500)
     drawn = DrawnBones(multiblock_from({"one": ball, "other": ellipsoid((9, 9, 40), (50, 0, 0), 40)})).by_name
     assert 750 < sum(len(bone.triangles) for bone in drawn.values()) < 2 * 1500
 

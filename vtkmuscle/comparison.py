@@ -14,7 +14,7 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
-from vtkmuscle.io.literature import LiteratureCurve, curves_for, in_words, read_literature, side_apart
+from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, read_literature, side_apart
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.table import Table
 
@@ -93,7 +93,7 @@ class Comparison:
                     draw_literature(axes, published, 1.0)
                 axes.set(xlabel=curve.over, ylabel=f"{quantity} [{curve.unit}]")
                 axes.legend(fontsize="small", frameon=False)
-            row[0].set_title(muscle.replace("_", " "), loc="left")
+            row[0].set_title(label_of(muscle), loc="left")
         return figure
 
     def write(self, folder: str | PathLike[str]) -> list[Path]:
@@ -198,7 +198,7 @@ def curves_of(result: Result, muscle: str) -> list[Curve]:
             curves.append(_curve((quantity, over, "mm"), times, lengths[muscle]))
     for name, joint in result.all_arms.get(muscle, {}).items():
         coordinate, unit = side_apart(name), "mm" if joint.unit in ANGLES else "1"
-        labels = f"moment arm, {in_words(coordinate)}", in_words(coordinate, joint.unit), unit
+        labels = f"moment arm, {label_of(coordinate)}", label_of(coordinate, joint.unit), unit
         curves.append(_curve(labels, joint.values, joint.arms))
     return curves
 

@@ -145,7 +145,7 @@ def side_apart(name: str) -> str:
     return name[:-2] if name[-2:].casefold() in ("_r", "_l") else name
 
 
-def in_words(name: str, unit: str = "") -> str:
+def label_of(name: str, unit: str = "") -> str:
     """Return a name for readers: ``right hip flexion [degrees]`` for ``hip_flexion_r``."""
     side = "" if side_apart(name) == name else {"r": "right ", "l": "left "}[name[-1].casefold()]
     in_brackets = {"deg": " [degrees]", "rad": " [radians]", "": ""}.get(unit, f" [{unit}]")

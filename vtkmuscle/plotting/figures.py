@@ -24,7 +24,7 @@ from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn, in_words
+from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn, label_of
 from vtkmuscle.plotting import sheets, views
 from vtkmuscle.plotting.drawing import MuscleFrame
 from vtkmuscle.plotting.studio import Studio, actors_of, fixed_bones, position_colours, strain_colours
@@ -60,7 +60,7 @@ def plot_rest_pose(
         For ``savefig``.
     """
     hiding = bones.spread()
-    shown = {in_words(name): [muscle] for name, muscle in muscles.items()}
+    shown = {label_of(name): [muscle] for name, muscle in muscles.items()}
     if len(muscles) > 1:
         shown = {"all muscles": list(muscles.values()), **shown}
     panels = []
@@ -278,7 +278,7 @@ def plot_moment_arms(
         axes.axhline(0.0, color="0.7", linewidth=0.6, zorder=0)
         axes.spines[["top", "right"]].set_visible(False)
         positive = f", positive: {joint_arms.positive}" if joint_arms.positive else ""
-        label, room = in_words(name, joint_arms.unit) + positive, wide - left - 0.5
+        label, room = label_of(name, joint_arms.unit) + positive, wide - left - 0.5
         axes.set_xlabel(fill(label, sheets.letters_in(room), break_on_hyphens=False))
         axes.set_ylabel("moment arm [mm]" if unit is not None else "moment arm [1]")
         columns = sheets.legend_columns(room, axes.get_legend_handles_labels()[1])

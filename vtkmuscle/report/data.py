@@ -17,7 +17,7 @@ from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
 from vtkmuscle.data.label_images import decimated
-from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn
+from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn, label_of
 from vtkmuscle.plotting.views import PALETTE, clearest_view, merged
 from vtkmuscle.scene.data import MILLIMETRES
 
@@ -243,11 +243,6 @@ def rounded(values: Any) -> Any:
     if array.ndim > 1:
         return [rounded(row) for row in array]
     return [float(f"{value:.5g}") if math.isfinite(value) else None for value in array.tolist()]
-
-
-def label_of(name: str) -> str:
-    """Return the name of a muscle or coordinate in words."""
-    return name.replace("_", " ")
 
 
 def colour_of(index: int) -> str:

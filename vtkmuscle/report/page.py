@@ -19,8 +19,9 @@ from vtkmuscle import __version__
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data import package_text
+from vtkmuscle.io.literature import label_of
 from vtkmuscle.io.writing import write_text
-from vtkmuscle.report.data import MEASURES, QUANTITIES, Pack, curves_of, label_of, scene_of
+from vtkmuscle.report.data import MEASURES, QUANTITIES, Pack, curves_of, scene_of
 
 if TYPE_CHECKING:
     from vtkmuscle.run.result import Result

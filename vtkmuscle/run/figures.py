@@ -20,7 +20,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import names
 from vtkmuscle.data.arrays import blocks_of, points_of
-from vtkmuscle.io.literature import in_words
+from vtkmuscle.io.literature import label_of
 from vtkmuscle.io.writing import replacing
 from vtkmuscle.plotting.drawing import FigureOrder, MuscleFrame, can_render
 from vtkmuscle.plotting.views import DrawnBones, fibre_surface
@@ -117,7 +117,7 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
     """Return the figures of a muscle: frames, lengths and moment arms. Empty for a muscle without frames."""
     if not result.finished(name):
         return []
-    title = {"title": in_words(name)}
+    title = {"title": label_of(name)}
     given = {"frames": _frames(result, name), "rest_fibres": result.rest_fibres(name), "units": result.units}
     figures = [FigureOrder(f"{name}_frames", "plot_muscle", given | title, rendered=True)]
     curves = {"path": ("lengths", result.lengths), "fibre": ("fibre_lengths", result.fibre_lengths)}
@@ -176,7 +176,7 @@ def _axis_values(result: Result, name: str) -> dict[str, Floats]:
     names = [key for key in every if np.ptp(every[key].values) > 0.0 and (crossed is None or key in crossed)]
     if result.time_label != "time" or not 1 <= len(names) <= 3:
         return {result.time_label: result.motion.times}
-    return {in_words(key, every[key].unit): every[key].values for key in names}
+    return {label_of(key, every[key].unit): every[key].values for key in names}
 
 
 def _time_axis(result: Result, name: str, count: int) -> dict[str, Any]:

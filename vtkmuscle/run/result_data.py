@@ -20,7 +20,7 @@ from vtkmuscle.core.words import ByName, suggestion
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.paths import Paths, paths_of
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.io.literature import LiteratureCurve, curves_for, in_words, read_literature
+from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, read_literature
 from vtkmuscle.plotting.views import DrawnBones
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.report_values import architecture_table, fibre_table
@@ -381,5 +381,5 @@ def time_label(motion: RigidMotion) -> str:
     """Return the label of a motion's times: a coordinate with its unit where they are one, else "time"."""
     for name, one in motion.coordinates.items():
         if np.array_equal(one.values, motion.times):
-            return in_words(name, one.unit)
+            return label_of(name, one.unit)
     return "time"

@@ -153,7 +153,7 @@ class Table(Mapping[str, NDArray[Any]]):
         ImportError
             If pandas is not installed; ``dict(table)`` works without pandas.
         """
-        return optional_package("pandas", "a DataFrame").DataFrame(dict(self))
+        return optional_package("pandas", "dict(table) gives arrays; a DataFrame").DataFrame(dict(self))
 
     def _count(self) -> int:
         return sum(part[0].size for part in self._parts if part)
@@ -238,9 +238,7 @@ def optional_package(name: str, use: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        raise ImportError(
-            f"{use} needs {name}: python -m pip install {name}; dict(table) gives arrays"
-        ) from error
+        raise ImportError(f"{use} needs {name}: python -m pip install {name}") from error
 
 
 def error_sizes(errors: Mapping[str, Floats]) -> dict[str, float | None]:

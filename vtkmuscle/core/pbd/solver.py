@@ -102,8 +102,13 @@ class Parameters:
 
 #: The settings with which Algorithm 2 is as printed.
 PUBLISHED = MappingProxyType(
-    {"prediction": "velocity", "order": "kind", "anisotropy": "fibres"}
-    | {"signed_angles": False, "finish": False}
+    {
+        "prediction": "velocity",
+        "signed_angles": False,
+        "order": "kind",
+        "anisotropy": "fibres",
+        "finish": False,
+    }
 )
 
 
