@@ -1,9 +1,9 @@
 """Make the tables of speed against accuracy: ``python benchmarks/tradeoff_page.py [--out FOLDER]``.
 
-Runs :func:`vtkmuscle.tradeoff` on the phantom hip and, with ``VTKMUSCLE_DATA``, on the real hip, in
-steps of about 10 degrees; quality and deformer are varied, then the numbers of paths and of fibres. Written
-is a table for each scene: all muscles together, the sum of times and the largest error. ``presets`` is the
-table of the presets on all phantoms with known answers, and on the muscles of the real hip.
+``phantom_hip`` is of :func:`vtkmuscle.tradeoff` in steps of about 10 degrees: quality and deformer are
+varied, then the numbers of paths and of fibres; all muscles together, the sum of times and the largest error.
+``presets`` is of the presets on all phantoms with known answers and, with ``VTKMUSCLE_DATA``, on the muscles
+of the real hip; ``paths`` of few solved paths, on these muscles in all frames.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.data.paths import levers_over_time, paths_of
 from vtkmuscle.filters.taut_paths import PATH_PRESETS
 from vtkmuscle.pipelines import MusclePipeline
+from vtkmuscle.run.muscles import muscle_pipeline
 from vtkmuscle.tradeoffs import ALL, ERRORS
 
 TABLES = Path(__file__).resolve().parents[1] / "docs" / "validation" / "tradeoff_tables"
@@ -34,14 +35,6 @@ STEP = 10.0
 ALONE = {"deformer": ("none",), "quality": ("balanced",)}
 VARIED = ({}, ALONE | {"n_paths": (9, 16, 25, 49)}, ALONE | {"n_fibres": (25, 50, 100, 200)})
 HEADINGS = ("ms a pose", "length [mm]", "moment arm [mm]", "points [mm]", "moment arm, published [mm]")
-
-
-def scenes() -> dict[str, Scene]:
-    """Return the scenes by the names of their tables."""
-    found = {"phantom_hip": Scene.from_phantom(phantoms.hip())}
-    if (path := data_folder() / "scene.toml").is_file():
-        found["lhdl_hip"] = Scene.load(path)
-    return found
 
 
 def coarse(scene: Scene) -> Scene:
@@ -108,6 +101,28 @@ def of_preset(
     return arms.mean, float(np.median(times[1:]))
 
 
+def few_paths(counts: tuple[int, ...] = (1000, 49, 25)) -> Iterator[list[str]]:
+    """Yield a row for each muscle of the real hip: times, and moment arms to those of all paths."""
+    scene = Scene.load(data_folder() / "scene.toml")
+    for name in scene.muscles:
+        arms, times = [], []
+        for count in counts:
+            pipeline = muscle_pipeline(replace(scene, deformer="none", paths={"n_paths": count}), name)
+            lengths, levers, taken = [], [], []
+            for time in scene.motion.times:
+                begin = thread_time()
+                paths = paths_of(pipeline.taut_paths.update(time=float(time)).output, "paths")
+                taken.append(1000.0 * (thread_time() - begin))
+                lengths.append(paths.lengths)
+                levers.append(paths.levers)
+            (found,) = joint_arms(np.array(lengths), levers_over_time(levers), scene.motion)[0].values()
+            arms.append(found.arms)
+            times.append(float(np.median(taken[1:])))
+        means = [_rms((other - arms[0]).mean(axis=1)) for other in arms[1:]]
+        single = [_rms(other - arms[0]) for other in arms[1:]]
+        yield [name, *(f"{ms:.0f}" for ms in times), *(f"{error:.2f}" for error in means + single)]
+
+
 def _rms(values: Any) -> float:
     return float(np.sqrt(np.nanmean(values**2)))
 
@@ -116,16 +131,22 @@ def main() -> None:
     """Write the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--out", type=Path, default=TABLES)
-    parser.add_argument("--only", nargs="+", metavar="SCENE")
+    parser.add_argument("--only", nargs="+", metavar="TABLE")
     asked = parser.parse_args()
-    if asked.only is None or "presets" in asked.only:
-        columns = (f"{name}: {of}" for name in PATH_PRESETS for of in ("ms", "to accurate", "to known"))
-        with (asked.out / "presets.csv").open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file, lineterminator="\n").writerows([["muscle", *columns], *presets()])
-    for name, scene in scenes().items():
+    of_presets = [f"{name}: {of}" for name in PATH_PRESETS for of in ("ms", "to accurate", "to known")]
+    of_paths = [f"ms, {count}" for count in ("all paths", 49, 25)]
+    of_paths += [f"{of}, {count}" for of in ("mean arm", "fibres") for count in (49, 25)]
+    tables = {
+        "presets": (["muscle", *of_presets], presets),
+        "phantom_hip": (["settings", *HEADINGS], lambda: rows(Scene.from_phantom(phantoms.hip()))),
+    }
+    if (data_folder() / "scene.toml").is_file():
+        tables["paths"] = ["muscle", *of_paths], few_paths
+    for name, (head, made) in tables.items():
         if asked.only is None or name in asked.only:
+            content = [head, *made()]
             with (asked.out / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
-                csv.writer(file, lineterminator="\n").writerows([["settings", *HEADINGS], *rows(scene)])
+                csv.writer(file, lineterminator="\n").writerows(content)
 
 
 if __name__ == "__main__":

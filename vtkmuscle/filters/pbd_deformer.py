@@ -85,8 +85,9 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
     Limitations
     -----------
     An iteration does not converge: shape and moment arms depend on the numbers of iterations and triangles,
-    by up to 20 mm. A bone does not sweep a muscle wholly between two frames of the bone's motion. A muscle
-    may intersect itself.
+    by up to 20 mm. Edges resist shortening: a muscle whose ends come near each other bows aside, and may bow
+    round a bone. A bone does not sweep a muscle wholly between two frames of the bone's motion. A muscle may
+    intersect itself.
 
     Examples
     --------
