@@ -10,12 +10,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from faults import files_in
 from tiny_scene import write_tiny_scene
 from typer.testing import CliRunner
 
 from vtkmuscle import Scene, SceneError, phantoms
 from vtkmuscle.cli import BAD_INPUT, app
-from vtkmuscle.io import read_series
 from vtkmuscle.io.writing import LOCK, left_behind
 from vtkmuscle.run.store.writing import ResultWriter, claimed, remove_results
 from vtkmuscle.scene.writing import save_unless_there
@@ -289,7 +289,7 @@ def test_a_kill_while_old_results_are_removed_leaves_no_list_of_files_that_are_g
         unlink(path, *arguments, **options)
         count += 1
         for collection in out.glob("*.pvd"):
-            assert all(file.is_file() for file in read_series(collection).files), (path, collection)
+            assert all(file.is_file() for file in files_in(collection)), (path, collection)
 
     monkeypatch.setattr(Path, "unlink", look)
     remove_results(out, scene)

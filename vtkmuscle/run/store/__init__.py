@@ -23,7 +23,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import multiblock_from, points_of
 from vtkmuscle.io.literature import LiteratureCurve
-from vtkmuscle.io.surfaces import read_polydata, read_series
+from vtkmuscle.io.surfaces import read_polydata, steps_in
 from vtkmuscle.io.writing import file_digest, record_in
 from vtkmuscle.run.frames import RUN_AGAIN, TIME, Frames, MuscleTrack, WrittenFile
 from vtkmuscle.run.report_values import version_of
@@ -158,7 +158,7 @@ class ResultFolder:
         counts = dict.fromkeys((self.report() or {}).get("muscles", {}), 0)
         for name in counts:
             with suppress(ValueError, FileNotFoundError):  # damaged, or not begun
-                counts[name] = len(read_series(self.path / f"{name}.pvd").times)
+                counts[name] = steps_in(self.path / f"{name}.pvd")
         return counts
 
     def unfinished(self) -> str | None:

@@ -17,7 +17,6 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import add_arrays, blocks_of, shallow_copy
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io import writing
-from vtkmuscle.io.surfaces import Collection as Pvd
 from vtkmuscle.io.surfaces import Series
 from vtkmuscle.run import store
 from vtkmuscle.run.frames import STAMPS, MuscleTrack, WrittenFile
@@ -190,7 +189,7 @@ class ResultWriter(ResultFolder):
                 files.append(self.path / FINISHED / f"{series}.vtp")
                 writing.write_polydata(files[-1], rest)
             if series in self._series:
-                files.append(self._series[series].collection.path)
+                files.append(self._series[series].path)
         own: dict[str, Any] = {"key": self._keys[name], "has_fibres": track.rest_fibres is not None}
         own |= {field: getattr(track, field) for field in TRACK_FIELDS}
         note = MuscleNote(**own, files=self._sizes(files))
@@ -200,7 +199,7 @@ class ResultWriter(ResultFolder):
         """Write the bones over time until ``stop``; a bone at rest throughout is written once."""
         folder, mover = self.path / "bones", BoneMotion(motion=scene.motion)
         mover.connect(0, scene.bones_data())
-        collection = Pvd(self.path / "bones.pvd")
+        collection = Series(self.path, "bones")
         still = {name: folder / f"{name}.vtp" for name in scene.bones if name not in scene.motion.transforms}
         for name, bone in scene.bones.items():
             writing.write_polydata(self.path / FINISHED / "bones" / f"{name}.vtp", bone)
@@ -215,7 +214,7 @@ class ResultWriter(ResultFolder):
                 parts[name] = still.get(name) or folder / name / f"{name}_{number:04d}.vtp"
                 if name not in still:
                     writing.write_polydata(parts[name], self._stamped(bone))
-            collection.add(time, parts)
+            collection.add_parts(time, parts)
 
     def write_table(self, name: str, table: Table) -> None:
         """Write a table; tables of lengths have all digits."""
