@@ -165,7 +165,7 @@ class Scene(SceneData, ByName):
             Muscles to run; default all.
         **options
             Of :class:`vtkmuscle.run.RunOptions`: ``frames``, ``workers``, ``fresh``, ``overwrite``,
-            ``figures``, ``report``, ``progress``, ``observe``, ``sense`` and ``clock``; and settings of
+            ``figures``, ``report``, ``progress``, ``sense`` and ``clock``; and settings of
             :meth:`with_settings`, such as ``quality``, ``deformer`` or ``n_fibres``.
 
         Returns

@@ -150,7 +150,7 @@ def _check_words(data: vtkPolyData, path: Path) -> None:
 
 
 class Series:
-    """Data over time: a ParaView collection ``NAME.pvd``, and by default ``NAME/NAME_0000.vtp`` for each frame.
+    """Data over time: a ParaView collection ``NAME.pvd`` of files ``NAME/NAME_0000.vtp``.
 
     The collection is complete after each step; the first step replaces an existing file.
     """

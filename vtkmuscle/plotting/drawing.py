@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-import vtkmuscle.plotting
 from vtkmuscle.core.machine import python_command
 from vtkmuscle.core.types import Floats
 from vtkmuscle.plotting.views import DrawnBones
@@ -92,7 +91,7 @@ class MuscleFrame(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FigureOrder:
-    """A figure to be drawn: file name, function of :mod:`vtkmuscle.plotting`, arguments.
+    """A figure to be drawn: file name, function of :mod:`vtkmuscle.plotting.figures`, arguments.
 
     ``rendered`` figures also take the bones and the studio.
     """
@@ -106,11 +105,12 @@ class FigureOrder:
         self, folder: Path, bones: DrawnBones, studio: Studio, form: str = "png", **options: float
     ) -> Path:
         """Draw the figure into a folder, of a ``width`` and ``dpi``; return the file."""
-        from vtkmuscle.plotting.sheets import DOTS_PER_INCH, WIDTH, save_figure  # noqa: PLC0415 -- loads matplotlib
+        from vtkmuscle.plotting import figures  # noqa: PLC0415 -- loads matplotlib
+        from vtkmuscle.plotting.sheets import DOTS_PER_INCH, WIDTH, save_figure  # noqa: PLC0415
 
         scene = {"bones": bones, "studio": studio} if self.rendered else {}
         path, width = folder / f"{self.name}.{form}", options.get("width", WIDTH)
-        figure = getattr(vtkmuscle.plotting, self.plot)(**self.arguments, **scene, width=width)
+        figure = getattr(figures, self.plot)(**self.arguments, **scene, width=width)
         save_figure(figure, path, form, options.get("dpi", DOTS_PER_INCH))
         return path
 

@@ -39,26 +39,7 @@ def plot_rest_pose(
     units: str = "mm",
     width: float = sheets.WIDTH,
 ) -> Figure:
-    """Return a picture of muscles and fixed points at rest.
-
-    Parameters
-    ----------
-    muscles : mapping of str to vtkPolyData
-        With the point array ``FixedTo``.
-    bones : DrawnBones
-        At rest.
-    studio : Studio
-        Renders the pictures.
-    title, units : str, optional
-        Title, and unit of the scale bars.
-    width : float, optional
-        Of the figure on paper [mm].
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        For ``savefig``.
-    """
+    """Return a picture of muscles with the point array ``FixedTo`` at rest, of a width on paper [mm]."""
     hiding = bones.spread()
     shown = {label_of(name): [muscle] for name, muscle in muscles.items()}
     if len(muscles) > 1:
@@ -95,26 +76,7 @@ def plot_muscle(
     units: str = "mm",
     width: float = sheets.WIDTH,
 ) -> Figure:
-    """Return a picture of a muscle in several frames.
-
-    Parameters
-    ----------
-    frames : sequence of MuscleFrame
-        The muscle, fibres, bones and title of each frame.
-    bones : DrawnBones
-        At rest.
-    studio : Studio
-        Renders the pictures.
-    rest_fibres : vtkPolyData, optional
-        Fibres at rest; colour then shows the change of length since rest.
-    title, units, width : optional
-        As in :func:`plot_rest_pose`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        For ``savefig``.
-    """
+    """Return a picture of a muscle in several frames, coloured by strain since ``rest_fibres``."""
     hiding = [bones.spread(frame.transforms) for frame in frames]
     view = views.clearest_view([frame.muscle for frame in frames], hiding)
     (view, *_) = sheets.fitted([view] * len(frames), width)

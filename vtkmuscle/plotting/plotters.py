@@ -86,39 +86,10 @@ _NOTHING: Mapping[str, Floats] = {}
 
 
 class MovingScene:
-    """Bones, translucent muscles and fibres on a plotter, moved by :meth:`show`.
+    """Bones, translucent muscles and fibres at rest on a ``plotter``, moved by :meth:`show`.
 
-    Parameters
-    ----------
-    bones : mapping of str to vtkPolyData, or vtkMultiBlockDataSet
-        Surfaces at rest, by name.
-    muscles : mapping of str to vtkPolyData
-        Surfaces of triangles at rest; empty to show only fibres.
-    fibres : mapping of str to vtkPolyData
-        Polylines by muscle.
-    off_screen : bool or None, optional
-        None for a window on ``plotter.show()``, unless PyVista draws off-screen.
-    size : (int, int), optional
-        Width and height [pixels].
-    opacity : float, optional
-        Opacity of muscles without fibres, 0 to 1.
-
-    Attributes
-    ----------
-    plotter : pyvista.Plotter
-        For ``show`` or ``screenshot``; to be closed afterwards.
-    view : View
-        The view of the muscles at rest with the least hidden area.
-
-    Examples
-    --------
-    >>> from vtkmuscle import phantoms
-    >>> from vtkmuscle.plotting import MovingScene
-    >>> phantom = phantoms.spindle_over_hinge()
-    >>> scene = MovingScene(phantom.bones, phantom.muscles, {}, off_screen=True)
-    >>> transforms = {bone: table[-1] for bone, table in phantom.motion.transforms.items()}
-    >>> scene.show(bones=transforms)
-    >>> scene.plotter.close()
+    ``view`` is that of the muscles, or else fibres or bones, with the least hidden area; ``opacity`` is of
+    muscles without fibres.
     """
 
     def __init__(

@@ -198,8 +198,6 @@ class Studio:
     ----------
     finer : float
         Rendered pixels per pixel of a view, along each side.
-    pictures, triangles : int
-        Numbers of pictures, and of triangles drawn.
     """
 
     def __init__(self, detail: float = 1.0) -> None:
@@ -213,16 +211,11 @@ class Studio:
         # Muscles of one colour without back faces look the same in any order.
         self._renderer.SetUseOIT(False)
         self._bones: dict[views.DrawnBone, vtkActor] = {}
-        self.pictures = self.triangles = 0
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Release the window."""
         self._window.Finalize()
 
     def picture(
@@ -253,8 +246,6 @@ class Studio:
             self._renderer.RemoveActor(actor)
         for actor in actors:
             actor.ReleaseGraphicsResources(self._window)
-        self.pictures += 1
-        self.triangles += sum(actor.GetMapper().GetInput().GetNumberOfPolys() for actor in shown)
         image: NDArray[np.uint8] = np.asarray(fine.reduce(FINER))[::-1, :, :3]
         return image
 

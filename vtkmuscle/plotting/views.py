@@ -195,21 +195,9 @@ def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats]) -> V
 
 
 def framed(direction: ArrayLike, points: Floats, *, margin: float = 0.12) -> View:
-    """Return a view with a tight frame around points.
+    """Return a view with a tight frame around points (n, 3); the direction to the eye is not vertical.
 
-    Parameters
-    ----------
-    direction : (3,) array_like
-        Towards the eye; not vertical.
-    points : (n, 3) array
-        Points inside the frame [mm].
-    margin : float, optional
-        Space around the points, relative to their size.
-
-    Returns
-    -------
-    View
-        With an aspect between 0.5 and 1.6.
+    The margin is relative to the size of the points; the aspect is between 0.5 and 1.6.
     """
     axes = axes_of(np.asarray(direction, dtype=np.float64))
     local = points @ axes.T

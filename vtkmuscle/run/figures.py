@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle import plotting
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import names
@@ -221,8 +220,10 @@ def plotter_at_rest(scene: SceneData, off_screen: bool | None) -> Any:
     """Return a plotter with a scene at rest. Bones, muscles and landmarks."""
     import pyvista  # noqa: PLC0415 -- a run needs none
 
+    from vtkmuscle.plotting.plotters import MovingScene  # noqa: PLC0415
+
     surfaces = {name: muscle.surface for name, muscle in scene.muscles.items()}
-    plotter = plotting.MovingScene(scene.bones, surfaces, {}, off_screen=off_screen, opacity=0.4).plotter
+    plotter = MovingScene(scene.bones, surfaces, {}, off_screen=off_screen, opacity=0.4).plotter
     for area in (area for muscle in scene.muscles.values() for area in muscle.attachments):
         look = {"color": _ROLES[area.role], "reset_camera": False}
         plotter.add_points(area.landmarks, render_points_as_spheres=True, point_size=11, **look)
@@ -236,17 +237,19 @@ class ResultDisplay:
     """A result on a plotter: muscles, fibres and bones.
 
     The plotter is the attribute ``scene``. ``muscles`` are the shown muscles, default all; ``options`` go to
-    :class:`~vtkmuscle.plotting.MovingScene`.
+    :class:`~vtkmuscle.plotting.plotters.MovingScene`.
     """
 
     def __init__(
         self, result: ResultData, muscles: str | Sequence[str] | None = None, **options: Any
     ) -> None:
+        from vtkmuscle.plotting.plotters import MovingScene  # noqa: PLC0415 -- only pictures need it
+
         self._result = result
         self._names = names(result.muscle_names if muscles is None else muscles)
         self._volumes = result.report["deformer"] != "none"
         fibres = {name: lines for name in self._names if (lines := result.rest_fibres(name)) is not None}
-        self.scene = plotting.MovingScene(
+        self.scene = MovingScene(
             dict(blocks_of(result.rest_bones())),
             {name: result.rest_muscle(name) for name in self._names} if self._volumes else {},
             fibres,

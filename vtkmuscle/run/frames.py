@@ -23,7 +23,6 @@ from vtkmuscle.run.report_values import FIBRE_MEASURES
 Progress = Callable[[str, str, float], None]
 #: Frames to keep, in the words of a user.
 FrameChoice = str | slice | range | int | None
-Observe = Callable[[str, Mapping[str, Any]], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,9 +51,8 @@ class RunOptions:
     sense : bool
         Check before the run whether the scene is plausible.
     progress : callable or None
-        Called with the muscle's name, the stage, and the finished part, 0 to 1; from any thread.
-    observe : callable or None
-        Called with the muscle's name and the report's numbers of each finished frame; from any thread.
+        Called with the muscle's name, the stage, and the finished part, 0 to 1, before each stage and frame;
+        from any thread.
     clock : callable
         Clock for the stages of muscles [s]; a function of a module, because all processes use the clock.
 
@@ -72,7 +70,6 @@ class RunOptions:
     fresh: bool = False
     sense: bool = True
     progress: Progress | None = None
-    observe: Observe | None = None
     clock: Callable[[], float] = time.perf_counter
 
     def __post_init__(self) -> None:

@@ -230,8 +230,6 @@ class MuscleRun:
             measures = measures_of_fibres(fibres, self.scene.millimetres)
             self.track.report["fibre_measures"].append({"frame": number, "time": now, **measures})
         self.track.report["frames"].append(row)
-        if self.run.options.observe is not None:
-            self.run.options.observe(self.name, row)
 
     def _judge(self, measure: MuscleMeasure) -> None:
         """Add the verdict on the computed frames to the report."""

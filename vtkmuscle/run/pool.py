@@ -7,7 +7,6 @@ import pickle
 import signal
 import time
 import warnings
-from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import ExitStack
 from multiprocessing import active_children, parent_process
@@ -86,16 +85,14 @@ class Pool:
             return self._drawers.submit(_draw, self._file(f"figure {order.name}", order), folder)
 
     def pass_on(self, options: RunOptions) -> None:
-        """Pass on progress, frames and warnings of the processes."""
+        """Pass on progress and warnings of the processes."""
         while not self._messages.empty():
             kind, *content = self._messages.get()
             if kind == "warning":
                 text, category, file, line = content
                 warnings.warn_explicit(text, category, file, line, registry=self._warned)
-            elif kind == "progress" and options.progress is not None:
+            elif options.progress is not None:
                 options.progress(*content)
-            elif kind == "frame" and options.observe is not None:
-                options.observe(*content)
 
     def _file(self, name: str, content: object) -> Path:
         path = Path(self._files.name, name)
@@ -129,11 +126,7 @@ def _begin(given: Path, messages: Any, checked: Any) -> None:
     _join(messages)
     scene, numbers, store, clock, only = pickle.loads(given.read_bytes())
     _open.enter_context(keep_shared())  # all muscles of this process share bones
-
-    def send(kind: str) -> Callable[..., None]:
-        return lambda *content: messages.put((kind, *content))
-
-    options = RunOptions(progress=send("progress"), observe=send("frame"), clock=clock)
+    options = RunOptions(progress=lambda *content: messages.put(("progress", *content)), clock=clock)
     _Worker.run = SceneRun(scene, numbers, store, options, only, checked=checked)
 
 

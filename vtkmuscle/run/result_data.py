@@ -52,7 +52,6 @@ class ResultData(ByName):
         self.frames: Sequence[int] = list(report["frames"])
         self.times: Sequence[float] = [float(motion.times[frame]) for frame in self.frames]
         self.muscle_names: Sequence[str] = list(tracks)
-        self._known_arms: dict[tuple[str, ...], Any] = {}
         self._tracks = tracks
         self._wrap = _wrapped
         self._bones = bones
@@ -220,15 +219,6 @@ class ResultData(ByName):
         if not self.lengths:
             remedy = "give the muscles fibres; with deformer 'pbd' set paths too"
             raise InputError("", "no muscle of the run has paths, so no moment arms", remedy)
-        if coordinates not in self._known_arms:
-            self._known_arms[coordinates] = self._joint_arms(coordinates)
-        arms, refused = self._known_arms[coordinates]
-        return MomentArmTable(arms, refused)
-
-    def _joint_arms(
-        self, coordinates: tuple[str, ...]
-    ) -> tuple[dict[str, dict[str, JointArms]], dict[str, str]]:
-        """Return the moment arms per muscle and coordinate, and why there are none by others."""
         motion = self.motion.part(self.frames)
         among, wanted = coordinates or tuple(motion.coordinates), coordinates or None
         every = self.motion.coordinates
@@ -253,7 +243,7 @@ class ResultData(ByName):
             refused |= without
         if problems and not arms:
             raise problems[0]
-        return arms, refused
+        return MomentArmTable(arms, refused)
 
     def length_table(self) -> Table:
         """Return the lengths of the paths, a row per muscle, fibre and frame, as lengths.csv."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from importlib import import_module
-from itertools import islice
+from itertools import chain, islice
 from os import PathLike
 from pathlib import Path
 from typing import Any, Self
@@ -19,7 +18,8 @@ from vtkmuscle.core.fibres.measures import root_mean_square
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.io.writing import plain_cell, replacing
+from vtkmuscle.io.csv_table import write_rows
+from vtkmuscle.io.writing import plain_cell
 
 #: Columns of the tables of lengths: a row per muscle, fibre and frame. A path has the number of its fibre.
 #: ``mean_error_mm`` is of the mean over the paths; fibres lack it.
@@ -138,11 +138,9 @@ class Table(Mapping[str, NDArray[Any]]):
         digits : int, optional
             Digits of fractional numbers; None for as many as keep every bit.
         """
-        with replacing(Path(path)) as partial, partial.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(map(plain_cell, self))
-            for part in self._parts:
-                writer.writerows(zip(*(_cells(column.ravel(), digits) for column in part), strict=True))
+        columns = ([_cells(column.ravel(), digits) for column in part] for part in self._parts)
+        rows = (zip(*cells, strict=True) for cells in columns)
+        write_rows(Path(path), chain([map(plain_cell, self)], *rows))
         return Path(path)
 
     def to_frame(self) -> Any:
