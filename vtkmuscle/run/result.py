@@ -240,16 +240,6 @@ class MuscleResult(Remedies):
         Its name, and ``"ok"``, ``"look"`` or ``"failed"``.
     reasons : tuple of str
         Why it is not ok.
-    volume : float
-        Of the surface at rest [mm^3].
-    length : (frames,) array
-        Mean of the paths' lengths [mm].
-    lengths, fibre_lengths : (frames, fibres) array
-        Of its paths and of its fibres [mm].
-    moment_arms : mapping of str to JointArms
-        By coordinate.
-    architecture : mapping of str to object
-        At rest, by the names of ``report["definitions"]``.
 
     Examples
     --------
@@ -266,32 +256,32 @@ class MuscleResult(Remedies):
 
     @property
     def volume(self) -> float:
-        """Of the surface at rest [mm^3]."""
+        """Volume of the surface at rest [mm^3]."""
         return float(self._result.report["muscles"][self.name]["volume_mm3"])
 
     @property
     def length(self) -> Floats:
-        """Mean of the paths' lengths [mm]."""
+        """Mean of the paths' lengths (frames,) [mm]."""
         return np.asarray(self.lengths.mean(axis=1))
 
     @property
     def lengths(self) -> Floats:
-        """Of its paths [mm]."""
+        """Lengths of the paths (frames, fibres) [mm]."""
         return self._of(self._result.lengths, "paths")
 
     @property
     def fibre_lengths(self) -> Floats:
-        """Of its fibres [mm]."""
+        """Lengths of the fibres (frames, fibres) [mm]."""
         return self._of(self._result.fibre_lengths, "fibres")
 
     @property
     def moment_arms(self) -> Mapping[str, JointArms]:
-        """By coordinate."""
+        """Moment arms by coordinate."""
         return self._result.moment_arms()[self.name]
 
     @property
     def architecture(self) -> Mapping[str, Any]:
-        """At rest, by the names of the report's definitions."""
+        """Architecture at rest, by the names of ``report["definitions"]``."""
         muscles = self._result.report["muscles"]
         return self._of({self.name: muscles[self.name].get("architecture")}, "fibres")
 

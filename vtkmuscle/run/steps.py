@@ -114,7 +114,7 @@ def run_only(
     """Compute the lengths, the moment arms or the surfaces of a scene alone.
 
     Lengths and moment arms take the paths alone: no muscle is deformed, no fibre is moved and no frame is
-    measured. Moment arms need levers, lengths do not. Surfaces take the deformer without fibres.
+    measured. Surfaces take the deformer without fibres.
 
     Parameters
     ----------
@@ -124,17 +124,13 @@ def run_only(
         ``"lengths"``, ``"moment_arms"`` or ``"surfaces"``.
     out : path, optional
         Folder for ``lengths.csv``, ``moment_arms.csv`` or a ``NAME.pvd`` per muscle.
-    frames, workers, progress : optional
+    frames, workers, progress, overwrite : optional
         As of :class:`~vtkmuscle.run.RunOptions`.
-    overwrite : bool, optional
-        Whether existing files may be replaced.
 
     Returns
     -------
-    Table
-        A row per muscle, path and frame; lengths and moment arms in mm.
-    dict of str to list of vtkPolyData
-        For surfaces: the muscles in the frames.
+    Table or dict of str to list of vtkPolyData
+        A row per muscle, path and frame [mm]; or the surfaces of muscles in the frames.
 
     Raises
     ------

@@ -50,10 +50,8 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
         raise NotADirectoryError(f"{folder} is a file; give another folder for the results")
     report = ResultFolder(folder).report()
     outputs = writing.Outputs(folder, inputs=scene.files, overwrite=True)  # files of no run are checked below
-    for path in map(folder.joinpath, _folders([*scene.muscles, *_muscles_of(report)])):
-        outputs.check(path, is_folder=True)
-    for path in map(folder.joinpath, _files(scene.muscles)):
-        outputs.check(path)
+    for name, is_folder in _outputs([*scene.muscles, *_muscles_of(report)]).items():
+        outputs.check(folder / name, is_folder=is_folder)
     folder.mkdir(parents=True, exist_ok=True)
     with writing.locked(folder):
         report = ResultFolder(folder).report()
@@ -69,29 +67,26 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
 def _tidy(folder: Path, scene: SceneData) -> None:
     """Remove the half-written files of killed processes."""
     writing.remove_left_behind(folder)
-    for name in _folders(scene.muscles):
+    for name in (*_FOLDERS, *_series(scene.muscles)):
         writing.remove_left_behind(folder / name, deep=True)
 
 
 def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -> None:
     """Remove an earlier run, but for the muscles in ``kept``, from a claimed folder."""
     report = ResultFolder(folder).report() or {}
-    notes = folder / FINISHED
-    muscles = {*scene.muscles, *_muscles_of(report)}
+    notes, muscles = folder / FINISHED, {*scene.muscles, *_muscles_of(report)}
     gone = sorted(muscles - {*kept})
     bones = sorted({*scene.bones, *(note.stem for note in (notes / "bones").glob("*.vtp"))})
+    folders = [*(folder / "bones" / name for name in bones), *map(folder.joinpath, _series(gone))]
     # Notes first: what is noted is there.
     files = [notes / f"{name}{end}" for name in (SCENE, *gone) for end in (".json", ".vtp", "_fibres.vtp")]
     files += [*(notes / "bones").glob("*.vtp"), *(folder / name for name in _LISTS)]
     files += [folder / f"{name}_fibres.csv" for name in muscles]
-    folders = [folder / "bones" / name for name in bones]
-    folders += [folder / name for one in gone for name in (one, f"{one}_fibres")]
     # Lists before what they list: who is killed here leaves none of files that are gone.
     files += [inside.with_name(f"{inside.name}.pvd") for inside in (*folders, folder / "bones")]
     for inside in folders:
         frame = re.compile(re.escape(inside.name) + r"_\d{4,}\.vtp")
-        found = list(inside.iterdir()) if inside.is_dir() else []
-        files += [path for path in found if frame.fullmatch(path.name)]
+        files += [path for path in inside.glob("*.vtp") if frame.fullmatch(path.name)]
     files += [folder / "bones" / f"{name}.vtp" for name in bones]
     drawn = report.get("figures")
     names = drawn.get("written", ()) if isinstance(drawn, dict) else ()
@@ -109,17 +104,16 @@ def scene_file(scene: SceneData) -> str | None:
     return str(scene.files[""].resolve()) if "" in scene.files else None
 
 
-def _folders(muscles: Iterable[str]) -> list[str]:
-    """Return the names of a run's folders."""
-    return [*_FOLDERS, *(part for name in muscles for part in (name, f"{name}_fibres"))]
+def _series(muscles: Iterable[str]) -> list[str]:
+    """Return the names of the surfaces and fibres of muscles."""
+    return [part for name in muscles for part in (name, f"{name}_fibres")]
 
 
-def _files(muscles: Iterable[str]) -> list[str]:
-    """Return the names of a run's files beside its folders."""
-    names = list(muscles)
-    series = ["bones", *(part for name in names for part in (name, f"{name}_fibres"))]
-    tables = (f"{name}_fibres.csv" for name in names)
-    return [REPORT, *_LISTS, *(f"{one}.pvd" for one in series), *tables]
+def _outputs(muscles: Collection[str]) -> dict[str, bool]:
+    """Return whether an output of a run is a folder, by the output's name."""
+    series, tables = _series(muscles), [f"{name}_fibres.csv" for name in muscles]
+    files = [REPORT, *_LISTS, *(f"{name}.pvd" for name in ("bones", *series)), *tables]
+    return dict.fromkeys(files, False) | dict.fromkeys((*_FOLDERS, *series), True)
 
 
 def _muscles_of(report: Mapping[str, Any] | None) -> Iterator[str]:
@@ -133,7 +127,7 @@ def _check_results(folder: Path, scene: SceneData, report: Mapping[str, Any] | N
     """Raise a ValueError where results of a different scene, or files of no run, would be lost."""
     insist = "give another folder with --out, or --overwrite (overwrite=True)"
     if report is None:
-        for path in map(folder.joinpath, (*_files(scene.muscles), *_folders(scene.muscles))):
+        for path in map(folder.joinpath, _outputs(scene.muscles)):
             if path.is_file() or path.is_symlink() or (path.is_dir() and any(path.iterdir())):
                 raise InputError(path, "results would replace a file that was not written by a run", insist)
         return
