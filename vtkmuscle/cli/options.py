@@ -105,11 +105,7 @@ _pressed = threading.Event()
 
 
 class TerminatedError(KeyboardInterrupt):
-    """A signal asked the process to end: batch system, container, closed terminal."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(number)
-        self.number = number
+    """A signal, the argument, asked the process to end: batch system, container, closed terminal."""
 
 
 class Command(TyperCommand):
@@ -147,7 +143,7 @@ def one_clear_error(out: Path | None) -> Iterator[None]:
             print_error(f"error: a fault of vtkmuscle: {_traceback_of(stop)}")
             raise typer.Exit(FAULT) from stop
         print_error(f"stopped. {_what_is_finished(out)}", style="yellow")
-        status = 128 + stop.number if isinstance(stop, TerminatedError) else INTERRUPTED
+        status = 128 + stop.args[0] if isinstance(stop, TerminatedError) else INTERRUPTED
         raise typer.Exit(status) from None
 
 

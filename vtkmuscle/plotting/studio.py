@@ -30,7 +30,7 @@ from vtkmodules.vtkRenderingCore import (
 
 from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data import arrays
+from vtkmuscle.data import arrays, package_text
 from vtkmuscle.plotting import views
 
 _PLAIN_FIBRES = "#f3d9c9"
@@ -171,19 +171,8 @@ def _actor(data: vtkPolyData, colour: str, **look: Any) -> vtkActor:
 
 #: Rendered pixels per pixel of a picture, along each side.
 FINER = 2
-#: The five lights of vtkLightKit: direction (right, up, towards the eye), and colour.
-_LIGHTS = (
-    ((0.0, 0.0, 1.0), (0.25, 0.25, 0.25)),
-    ((0.111619, 0.766044, 0.633022), (0.75, 0.72924, 0.676665)),
-    ((-0.044943, -0.965926, 0.254887), (0.22706, 0.233285, 0.25)),
-    ((0.939693, 0.0, -0.34202), (0.214286, 0.214286, 0.214286)),
-    ((-0.939693, 0.0, -0.34202), (0.214286, 0.214286, 0.214286)),
-)
 #: Diffuse lighting of a fragment, at half the cost of VTK's own shader with OpenGL in software.
-_LIT = "vec3 lit = vec3(0.0);"
-for _towards, _colour in _LIGHTS:
-    _LIT += f"lit += max(dot(normalVCVSOutput, vec3{_towards}), 0.0) * vec3{_colour};"
-_LIT += "gl_FragData[0] = vec4(ambientColor + lit * diffuseColor, opacity);"
+_LIT = package_text("vtkmuscle.plotting", "lights.glsl")
 
 
 class Studio:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import UserList
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -161,29 +162,19 @@ def _state(path: Path) -> tuple[int, ...]:
     return status.st_ino, status.st_size, status.st_mtime_ns
 
 
-class Frames(Sequence[vtkPolyData]):
-    """Frames of a surface or of fibres. Frames in files are read at every access."""
-
-    def __init__(self, frames: Iterable[vtkPolyData | WrittenFile] = ()) -> None:
-        self._frames = list(frames)
+class Frames(UserList[Any]):
+    """Frames of a surface or of fibres, as poly data or files. Files are read at every access."""
 
     def __getitem__(self, index: Any) -> Any:
+        frame = self.data[index]
         if isinstance(index, slice):
-            return Frames(self._frames[index])
-        frame = self._frames[index]
+            return Frames(frame)
         return frame.read() if isinstance(frame, WrittenFile) else frame
-
-    def __len__(self) -> int:
-        return len(self._frames)
-
-    def append(self, frame: vtkPolyData | WrittenFile) -> None:
-        """Add a frame, or the file that has it."""
-        self._frames.append(frame)
 
     @property
     def files(self) -> list[WrittenFile]:
         """The files among the frames."""
-        return [frame for frame in self._frames if isinstance(frame, WrittenFile)]
+        return [frame for frame in self.data if isinstance(frame, WrittenFile)]
 
 
 class FibreNumbers(NamedTuple):

@@ -18,20 +18,12 @@ from vtkmuscle.core.fibres.measures import root_mean_square
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
+from vtkmuscle.data import toml_table
 from vtkmuscle.io.csv_table import write_rows
 from vtkmuscle.io.writing import plain_cell
 
-#: Columns of the tables of lengths: a row per muscle, fibre and frame. A path has the number of its fibre.
-#: ``mean_error_mm`` is of the mean over the paths; fibres lack it.
-LENGTHS = ("muscle", "fibre", "frame", "time", "length_mm", "mean_error_mm")
-#: Columns of the table of moment arms: a row per muscle, coordinate, fibre and value of the coordinate.
-#: ``slope_mm`` is -dl/dq by differences.
-ARMS = ("muscle", "coordinate", "unit", "fibre", "value", "moment_arm_mm", "slope_mm", "quartic_mm")
-#: Columns of its summary: a row per muscle, coordinate and value.
-SUMMARY = (
-    *("muscle", "coordinate", "unit", "value"),
-    *("mean_mm", "slope_mean_mm", "min_mm", "max_mm", "quartic_mean_mm", "error_mm"),
-)
+#: Columns of tables by name.
+COLUMNS = toml_table("vtkmuscle.run", "measures.toml")["tables"]
 
 #: Most rows of a table in a cell, as pandas shows 60: a cell's height on a screen.
 MOST_ROWS = 20
@@ -181,7 +173,7 @@ class MomentArmTable(dict[str, dict[str, JointArms]]):
         return "\n".join([title, *lines] if lines else ["MomentArmTable: empty"])
 
     def table(self) -> Table:
-        """Return the whole table, with the columns :data:`ARMS`. NaN without a quartic."""
+        """Return the whole table, with the columns of moment_arms.csv. NaN without a quartic."""
         parts = (
             {
                 **labels,
@@ -192,7 +184,7 @@ class MomentArmTable(dict[str, dict[str, JointArms]]):
             }
             for labels, one in self.labelled()
         )
-        return Table.stacked(ARMS, parts)
+        return Table.stacked(COLUMNS["moment_arms"], parts)
 
     def summary(self) -> Table:
         """Return mean, range and error of the mean per muscle, coordinate and value."""
@@ -208,7 +200,7 @@ class MomentArmTable(dict[str, dict[str, JointArms]]):
             }
             for labels, one in self.labelled()
         )
-        return Table.stacked(SUMMARY, parts)
+        return Table.stacked(COLUMNS["moment_arms_summary"], parts)
 
     def report(self, muscle: str) -> dict[str, Any]:
         """Return range and mean of a muscle's moment arms. By coordinate, JSON-able."""
@@ -262,7 +254,7 @@ def length_table(
         }
         for name, one in lengths.items()
     )
-    return Table.stacked(LENGTHS[:-1] if errors is None else LENGTHS, parts)
+    return Table.stacked(COLUMNS["fibre_lengths" if errors is None else "lengths"], parts)
 
 
 def _cells(column: NDArray[Any], digits: int | None) -> Iterable[Any]:

@@ -54,14 +54,12 @@ def _arrays(values: Any) -> Any:
 
 
 def _motion(fields: Any) -> RigidMotion:
-    if isinstance(fields, RigidMotion):
-        return fields
     own = {name: Coordinate(**_arrays(kept)) for name, kept in fields["coordinates"].items()}
     return RigidMotion(**_arrays(fields | {"coordinates": {}}) | {"coordinates": own})
 
 
 def _curve(fields: Any) -> LiteratureCurve:
-    return fields if isinstance(fields, LiteratureCurve) else LiteratureCurve(**_arrays(fields))
+    return LiteratureCurve(**_arrays(fields))
 
 
 Array = Annotated[Any, PlainValidator(_array), PlainSerializer(lambda array: np.asarray(array).tolist())]

@@ -224,7 +224,7 @@ class ResultWriter(ResultFolder):
         files = [self.path / REPORT, *(self.path / FINISHED / "bones" / f"{name}.vtp" for name in bones)]
         parts = {field: getattr(result, field) for field in ("motion", "literature", "crosses")}
         digest = writing.file_digest(files[0])
-        note = RunNote(report=digest, bones=list(bones), files=self._sizes(files), **parts)
+        note = RunNote.model_construct(report=digest, bones=list(bones), files=self._sizes(files), **parts)
         writing.write_json(self.note_file(SCENE), note.model_dump())
 
     def _sizes(self, files: Iterable[Path]) -> dict[str, int]:
