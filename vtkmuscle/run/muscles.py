@@ -30,7 +30,7 @@ from vtkmuscle.run.frames import MuscleTrack, RunOptions, WrittenFile
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report_values import architecture_of, fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.store.writing import ResultWriter
-from vtkmuscle.run.verdict import FibreHistory, judge
+from vtkmuscle.run.verdict import judge
 from vtkmuscle.scene.data import Anatomy, SceneData
 
 
@@ -233,15 +233,12 @@ class MuscleRun:
 
     def _judge(self, measure: MuscleMeasure) -> None:
         """Add the verdict on the computed frames to the report."""
-        track, rows = self.track, self.track.report["frames"]
-        motion = self.scene.motion.part(self.run.numbers[: len(rows)]) if rows else None
-        history = None
-        if track.fibre_lengths and track.rest_fibres is not None and motion is not None:
-            rest_lengths = arrays.polylines_of(track.rest_fibres, "fibres").lengths * self.scene.millimetres
-            paths = np.array(track.lengths) if track.lengths else None
-            history = FibreHistory(np.array(track.fibre_lengths), rest_lengths, track.report["fibres"], paths)
+        track, computed, rest = self.track, self.run.numbers[: len(self.track.report["frames"])], None
+        motion = self.scene.motion.part(computed) if computed else None
+        if track.rest_fibres is not None:
+            rest = arrays.polylines_of(track.rest_fibres, "fibres").lengths * self.scene.millimetres
         sizes: dict[str, Any] = {"n_edges": measure.n_edges, "size": measure.size}
-        track.report["verdict"] = judge(rows, history, motion=motion, failure=track.failure, **sizes)
+        track.report["verdict"] = judge(track, rest, motion=motion, **sizes)
 
     def _deformers(self) -> dict[str, PathDeformer | PBDDeformer]:
         """Return the deformers of other muscles without failure."""
