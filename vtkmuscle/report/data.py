@@ -98,7 +98,7 @@ def scene_of(run: Result, pack: Pack) -> dict[str, Any]:
         surface = _muscle(run, name, done, 2 * budget, pack) if surfaces else None
         fibres = _fibres(run, name, done, FIBRE_POINTS // count, scale, pack)
         muscles.append({"name": name, "colour": colour_of(number), "surface": surface, "fibres": fibres})
-    whole = merged(map(run.rest_muscle, run.muscle_names))
+    whole = merged(run.track(name).rest for name in run.muscle_names)
     view = {"towards": clearest_view([whole], [run.drawn_bones.spread()]).direction.tolist()}
     bones = _bones(run, shown, pack)
     return {"shown": shown, "mm": scale, "bones": bones, "muscles": muscles, "view": view}
@@ -129,7 +129,7 @@ def _rows(transforms: Floats | None, frames: list[int]) -> list[float] | None:
 
 
 def _muscle(run: Result, name: str, done: list[int], target: int, pack: Pack) -> dict[str, Any] | None:
-    rest, surfaces = run.rest_muscle(name), run.track(name).surfaces
+    rest, surfaces = run.track(name).rest, run.track(name).surfaces
     points, triangles = points_of(rest), triangles_of(rest, name)
     chosen = np.arange(len(points))
     target = min(max(target, LEAST), MOST)

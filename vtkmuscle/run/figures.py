@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import names
-from vtkmuscle.data.arrays import blocks_of, points_of
+from vtkmuscle.data.arrays import blocks_of, points_of, with_points
 from vtkmuscle.io.literature import label_of
 from vtkmuscle.io.writing import replacing
 from vtkmuscle.plotting.drawing import FigureOrder, MuscleFrame, can_render
@@ -107,7 +107,7 @@ def _drawn(
 
 def rest_pose_of(result: Result) -> FigureOrder:
     """Return the figure of a result's muscles at rest, with fixed points."""
-    at_rest = {name: result.rest_muscle(name) for name in result.muscle_names}
+    at_rest = {name: result.track(name).rest for name in result.muscle_names}
     given = {"muscles": at_rest, "title": f"{result.name}: fixed points at rest", "units": result.units}
     return FigureOrder("rest_pose", "plot_rest_pose", given, rendered=True)
 
@@ -116,8 +116,12 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
     """Return the figures of a muscle: frames, lengths and moment arms. Empty for a muscle without frames."""
     if not result.finished(name):
         return []
-    title = {"title": label_of(name)}
-    given = {"frames": _frames(result, name), "rest_fibres": result.rest_fibres(name), "units": result.units}
+    title, track = {"title": label_of(name)}, result.track(name)
+    given: dict[str, Any] = {
+        "frames": _frames(result, name),
+        "rest_fibres": track.rest_fibres,
+        "units": result.units,
+    }
     figures = [FigureOrder(f"{name}_frames", "plot_muscle", given | title, rendered=True)]
     curves = {"path": ("lengths", result.lengths), "fibre": ("fibre_lengths", result.fibre_lengths)}
     for of, (suffix, lengths) in curves.items():
@@ -128,7 +132,7 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
             figures.append(FigureOrder(f"{name}_{suffix}", "plot_lengths", given))
     arms = result.all_arms
     if name in arms:
-        rest = MuscleFrame(result.rest_muscle(name), {}, result.rest_fibres(name), title["title"])
+        rest = MuscleFrame(track.rest, {}, track.rest_fibres, title["title"])
         given = {"arms": dict(arms[name]), "rest": rest, "units": result.units}
         given["literature"] = tuple(result.literature.get(name, ()))
         figures.append(FigureOrder(f"{name}_moment_arms", "plot_moment_arms", given, rendered=True))
@@ -146,9 +150,11 @@ def _frames(result: Result, name: str) -> list[MuscleFrame]:
     worst = [reason["frame"] for reason in reasons[:1] if reason["frame"] in inner]
     frames = []
     for number in sorted({finished[0], *(worst or [finished[(len(finished) - 1) // 2]]), finished[-1]}):
-        fibres = result.fibres(name, frame=number)
-        volumes = result.report["deformer"] != "none"
-        muscle = result.muscle(name, frame=number) if volumes else fibre_surface(fibres)
+        track, i = result.track(name), result.frames.index(number)
+        fibres: Any = track.fibres[i] if track.fibres else None
+        muscle = (
+            with_points(track.rest, points_of(track.surfaces[i])) if track.surfaces else fibre_surface(fibres)
+        )
         moved = result.motion.at(float(result.motion.times[number]))
         frames.append(MuscleFrame(muscle, moved, fibres, _at(result, name, number)))
     return frames

@@ -202,7 +202,7 @@ class MuscleTrack:
     and the reason. ``arms`` keeps what a result has found by the coordinates that were asked for.
     """
 
-    rest: vtkPolyData | None = None
+    rest: Any = None
     rest_fibres: vtkPolyData | None = None
     surfaces: Frames = field(default_factory=Frames)
     fibres: Frames = field(default_factory=Frames)

@@ -213,7 +213,7 @@ class Result(ResultData):
         """
         from vtkmuscle.run.figures import write_figures  # noqa: PLC0415 -- only figures need PyVista
 
-        return write_figures(Path(folder), self.plain(), form=form, dpi=dpi, width=width)
+        return write_figures(Path(folder), self, form=form, dpi=dpi, width=width)
 
     def write_report(self, path: str | PathLike[str]) -> Path:
         """Write the page of the run: the scene to be turned and moved, curves, tables and verdicts.
@@ -225,7 +225,7 @@ class Result(ResultData):
 
         if Path(path).suffix.lower() not in (".html", ".htm"):
             raise InputError(str(path), "a report is an HTML page", "end the name in .html")
-        return write_page(path, self.plain())
+        return write_page(path, self)
 
 
 One = TypeVar("One")

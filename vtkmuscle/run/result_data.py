@@ -24,7 +24,7 @@ from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, read_
 from vtkmuscle.plotting.views import DrawnBones
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.report_values import architecture_table, fibre_table
-from vtkmuscle.run.table import MomentArmTable, Table, length_table, optional_package
+from vtkmuscle.run.table import COLUMNS, MomentArmTable, Table, optional_package
 from vtkmuscle.scene.data import MILLIMETRES
 
 
@@ -53,17 +53,10 @@ class ResultData(ByName):
         self.times: Sequence[float] = [float(motion.times[frame]) for frame in self.frames]
         self.muscle_names: Sequence[str] = list(tracks)
         self._tracks = tracks
-        self._wrap = _wrapped
         self._bones = bones
         self.drawn_bones = drawn_bones or DrawnBones(bones)
         self._mover = BoneMotion(motion=motion)
         self._mover.connect(0, bones)
-
-    def plain(self) -> Self:
-        """Return the same result with VTK's data sets in place of PyVista's, which need not be loaded."""
-        other = copy(self)
-        other._wrap = lambda data: data
-        return other
 
     @property
     def verdicts(self) -> Mapping[str, str]:
@@ -122,7 +115,7 @@ class ResultData(ByName):
             remedy = f"fibres({name!r}, frame={self.frames[i]}) has its fibres; deformer 'paths' deforms it"
             raise InputError("", f"the scene's deformer is 'none', so {name!r} was not deformed", remedy)
         self._check_finished(name, i)
-        return self._wrap(with_points(track.rest, points_of(track.surfaces[i])))
+        return _wrapped(with_points(track.rest, points_of(track.surfaces[i])))
 
     def fibres(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
         """Return the fibres of a muscle in a kept frame, None where it has none; see :meth:`muscle`."""
@@ -130,7 +123,7 @@ class ResultData(ByName):
         if not track.fibres and track.rest_fibres is None:
             return None
         self._check_finished(name, i)
-        return self._wrap(track.fibres[i])
+        return _wrapped(track.fibres[i])
 
     def paths(self, name: str, *, frame: int | None = None, time: float | None = None) -> Paths:
         """Return the paths of a muscle in a kept frame, in the scene's unit; see :meth:`muscle`.
@@ -150,22 +143,20 @@ class ResultData(ByName):
         """Return the bones in a kept frame, a block each, with the field array ``Transform``."""
         moved = vtkMultiBlockDataSet()
         moved.ShallowCopy(self._mover.update(time=self.times[self._position(frame, time)]).output)
-        return self._wrap(moved)
+        return _wrapped(moved)
 
     def rest_muscle(self, name: str) -> Any:
         """Return a muscle at rest, with the point array ``FixedTo``."""
-        rest = self.track(name).rest
-        assert rest is not None  # a result is made when all muscles are done
-        return self._wrap(rest)
+        return _wrapped(self.track(name).rest)
 
     def rest_fibres(self, name: str) -> Any:
         """Return the fibres of a muscle at rest, None where it has none."""
         fibres = self.track(name).rest_fibres
-        return None if fibres is None else self._wrap(fibres)
+        return None if fibres is None else _wrapped(fibres)
 
     def rest_bones(self) -> Any:
         """Return the bones at rest."""
-        return self._wrap(self._bones)
+        return _wrapped(self._bones)
 
     def track(self, name: str) -> MuscleTrack:
         """Return the frames and numbers of a muscle."""
@@ -247,12 +238,26 @@ class ResultData(ByName):
 
     def length_table(self) -> Table:
         """Return the lengths of the paths, a row per muscle, fibre and frame, as lengths.csv."""
-        errors = {name: self._tracks[name].errors() for name in self.lengths}
-        return length_table(self.lengths, self.frames, self.times, errors)
+        return self._lengths("lengths", self.lengths)
 
     def fibre_length_table(self) -> Table:
         """Return the lengths of the fibres, a row per muscle, fibre and frame, as fibre_lengths.csv."""
-        return length_table(self.fibre_lengths, self.frames, self.times)
+        return self._lengths("fibre_lengths", self.fibre_lengths)
+
+    def _lengths(self, table: str, lengths: Mapping[str, Floats]) -> Table:
+        """Return a table of lengths (f, k) per muscle, in the first f frames, with errors of means [mm]."""
+        parts = (
+            {
+                "muscle": name,
+                "fibre": np.arange(one.shape[1])[:, None],
+                "frame": self.frames[: len(one)],
+                "time": self.times[: len(one)],
+                "length_mm": one.T,
+                "mean_error_mm": self._tracks[name].errors().get("total", np.nan),
+            }
+            for name, one in lengths.items()
+        )
+        return Table.stacked(COLUMNS[table], parts)
 
     def frame_table(self) -> Table:
         """Return the numbers of the report, a row per muscle and frame; NaN where a muscle has none.

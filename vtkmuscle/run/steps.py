@@ -73,7 +73,7 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
                 result = result_of({name: track})
                 _judge_further(scene, result, track, odd)
                 if drawing is not None:
-                    drawing.add(figures_of_muscle(result.plain(), name))
+                    drawing.add(figures_of_muscle(result, name))
 
             _solve(run, tracks, report, pool, jobs, finish)
             result = result_of(tracks)
@@ -81,7 +81,7 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
                 report["moment_arms"] = _refused(result)
             if store is not None:
                 if drawing is not None:
-                    drawing.add([rest_pose_of(result.plain())])
+                    drawing.add([rest_pose_of(result)])
                 _write_tables(store, result)
                 if options.report:
                     before = time.perf_counter()

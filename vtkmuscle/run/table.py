@@ -236,27 +236,6 @@ def error_sizes(errors: Mapping[str, Floats]) -> dict[str, float | None]:
     return {f"{part}_mm": root_mean_square(values) for part, values in errors.items()}
 
 
-def length_table(
-    lengths: Mapping[str, Floats],
-    frames: Sequence[int],
-    times: Sequence[float],
-    errors: Mapping[str, Mapping[str, Floats]] | None = None,
-) -> Table:
-    """Return the table of lengths (f, k) per muscle, in the first f frames, with errors of means [mm]."""
-    parts = (
-        {
-            "muscle": name,
-            "fibre": np.arange(one.shape[1])[:, None],
-            "frame": frames[: len(one)],
-            "time": times[: len(one)],
-            "length_mm": one.T,
-            "mean_error_mm": np.nan if errors is None else errors[name]["total"],
-        }
-        for name, one in lengths.items()
-    )
-    return Table.stacked(COLUMNS["fibre_lengths" if errors is None else "lengths"], parts)
-
-
 def _cells(column: NDArray[Any], digits: int | None) -> Iterable[Any]:
     """Return the written texts and numbers of a column."""
     values: list[Any] = column.tolist()
