@@ -14,7 +14,6 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, joined_triangles, polylines_from
 from vtkmuscle.data.attachments import AttachmentArea, landmarks_of
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
-from vtkmuscle.filters.fibre_tubes import FibreTubes
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.pipelines import decompose, deform
 from vtkmuscle.plotting.plotters import MovingScene
@@ -151,10 +150,6 @@ class MuscleAccessor:
             return scene.plotter
         scene.plotter.show()
         return None
-
-    def tubes(self, **parameters: Any) -> Any:
-        """Return tubes around polylines. By :class:`~vtkmuscle.filters.FibreTubes`."""
-        return FibreTubes(**parameters).apply(self._mesh)
 
 
 def _area(role: str, landmarks: Any) -> AttachmentArea:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters.deformer import PRESETS
 from vtkmuscle.filters.taut_paths import PATH_PRESETS
@@ -28,9 +29,9 @@ from vtkmuscle.studies import Row, folder_name, run_labelled
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_TABLES = toml_table("vtkmuscle", "tradeoffs.toml")
 #: Settings that are tried where none are named.
-_QUALITIES = ("preview", "balanced", "accurate")
-TRIED: Mapping[str, tuple[Any, ...]] = {"deformer": ("none", "paths", "pbd"), "quality": _QUALITIES}
+TRIED: Mapping[str, Sequence[Any]] = _TABLES["tried"]
 
 #: The limit of a deformer: the numbers of ``"accurate"``, doubled.
 _FINEST_PATHS = {"paths": {"resolution": 2 * PATH_PRESETS["accurate"]["resolution"]}}
@@ -42,12 +43,7 @@ _OF_QUALITY = {"resolution", "n_paths", "iterations", "solved_triangles"}
 
 #: Columns of errors [mm], root mean squares over frames: of mean lengths, mean moment arms and points against
 #: the limit of the deformer, and of mean moment arms against published curves of the scene.
-ERRORS: Mapping[str, str] = {
-    "length_rms_mm": "mean length, to the limit, RMS [mm]",
-    "moment_arm_rms_mm": "mean moment arm, to the limit, RMS [mm]",
-    "surface_rms_mm": "points, to the limit, RMS [mm]",
-    "published_rms_mm": "mean moment arm, to published curves, RMS [mm]",
-}
+ERRORS: Mapping[str, str] = _TABLES["errors"]
 
 #: Name of all muscles together: the sum of times, the largest error.
 ALL = "all"

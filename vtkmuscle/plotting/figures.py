@@ -27,7 +27,7 @@ from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn, label_of
 from vtkmuscle.plotting import sheets, views
 from vtkmuscle.plotting.drawing import MuscleFrame
-from vtkmuscle.plotting.studio import Studio, actors_of, fixed_bones, position_colours, strain_colours
+from vtkmuscle.plotting.studio import Studio, actors_of, colours_of, fixed_bones, strain_colours
 
 
 def plot_rest_pose(
@@ -218,7 +218,7 @@ def plot_moment_arms(
         view = views.clearest_view([rest.muscle], [bones.spread()])
         across = min(_PICTURE * view.aspect, (0.33 if beside else 0.9) * wide)
         view = replace(view, area=(across * sheets.DOTS_PER_INCH) ** 2 / view.aspect)  # pixel for pixel
-        colours = position_colours(positions)
+        colours = colours_of(positions, views.PLACE_MAP)
         actors = actors_of([rest.muscle], view, fibres=rest.fibres, colours=colours, finer=studio.finer)
         panel = sheets.Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
     across, high = (0.0, 0.0) if panel is None else panel.inches

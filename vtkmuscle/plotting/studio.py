@@ -113,12 +113,7 @@ def strain_colours(strain: Floats, limit: float) -> NDArray[np.uint8]:
     >>> strain_colours(np.array([-10.0, 10.0]), limit=10.0).tolist()
     [[58, 76, 192], [179, 3, 38]]
     """
-    return _colours(views.FIBRE_MAP, 0.5 + 0.5 * strain / limit)
-
-
-def position_colours(positions: Floats) -> NDArray[np.uint8]:
-    """Return colours (n, 3) of positions (n,) from 0 to 1."""
-    return _colours(views.PLACE_MAP, positions)
+    return colours_of(0.5 + 0.5 * strain / limit, views.FIBRE_MAP)
 
 
 def fibre_actor(fibres: vtkPolyData, width: float, colours: NDArray[np.uint8] | None = None) -> vtkActor:
@@ -150,8 +145,9 @@ def fixed_bones(muscle: vtkPolyData) -> Ints:
     return arrays.point_array(muscle, "FixedTo", "plotting: muscle").astype(np.int64)
 
 
-def _colours(name: str, part: Floats) -> NDArray[np.uint8]:
-    colours: NDArray[np.uint8] = colormaps[name](part, bytes=True)[:, :3]
+def colours_of(values: Floats, name: str) -> NDArray[np.uint8]:
+    """Return colours (n, 3) of values (n,) from 0 to 1 in a colour map."""
+    colours: NDArray[np.uint8] = colormaps[name](values, bytes=True)[:, :3]
     return colours
 
 

@@ -116,25 +116,19 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
     """Return the figures of a muscle: frames, lengths and moment arms. Empty for a muscle without frames."""
     if not result.finished(name):
         return []
-    title, track = {"title": label_of(name)}, result.track(name)
-    given: dict[str, Any] = {
-        "frames": _frames(result, name),
-        "rest_fibres": track.rest_fibres,
-        "units": result.units,
-    }
-    figures = [FigureOrder(f"{name}_frames", "plot_muscle", given | title, rendered=True)]
+    track, title = result.track(name), label_of(name)
+    given: dict[str, Any] = {"frames": _frames(result, name), "rest_fibres": track.rest_fibres}
+    given |= {"title": title, "units": result.units}
+    figures = [FigureOrder(f"{name}_frames", "plot_muscle", given, rendered=True)]
     curves = {"path": ("lengths", result.lengths), "fibre": ("fibre_lengths", result.fibre_lengths)}
     for of, (suffix, lengths) in curves.items():
         if name in lengths:
-            times = result.times[: len(lengths[name])]
-            given = {"times": times, "lengths": lengths[name], "of": of}
-            given |= _time_axis(result, name, len(times)) | title
+            given = {"times": result.times[: len(lengths[name])], "lengths": lengths[name], "of": of}
+            given |= {"title": title, **_time_axis(result, name, len(lengths[name]))}
             figures.append(FigureOrder(f"{name}_{suffix}", "plot_lengths", given))
-    arms = result.all_arms
-    if name in arms:
-        rest = MuscleFrame(track.rest, {}, track.rest_fibres, title["title"])
-        given = {"arms": dict(arms[name]), "rest": rest, "units": result.units}
-        given["literature"] = tuple(result.literature.get(name, ()))
+    if arms := result.all_arms.get(name):
+        given = {"arms": dict(arms), "rest": MuscleFrame(track.rest, {}, track.rest_fibres, title)}
+        given |= {"literature": tuple(result.literature.get(name, ())), "units": result.units}
         figures.append(FigureOrder(f"{name}_moment_arms", "plot_moment_arms", given, rendered=True))
     return figures
 
@@ -144,17 +138,16 @@ def _frames(result: Result, name: str) -> list[MuscleFrame]:
 
     The worst counts in the middle two thirds: next to an end it would show the same twice.
     """
-    finished = result.frames[: result.finished(name)]
+    finished, track = result.frames[: result.finished(name)], result.track(name)
     inner = finished[len(finished) // 6 : len(finished) - len(finished) // 6]
     reasons = result.report["muscles"][name].get("verdict", {}).get("reasons", ())
     worst = [reason["frame"] for reason in reasons[:1] if reason["frame"] in inner]
     frames = []
     for number in sorted({finished[0], *(worst or [finished[(len(finished) - 1) // 2]]), finished[-1]}):
-        track, i = result.track(name), result.frames.index(number)
+        i = result.frames.index(number)
         fibres: Any = track.fibres[i] if track.fibres else None
-        muscle = (
-            with_points(track.rest, points_of(track.surfaces[i])) if track.surfaces else fibre_surface(fibres)
-        )
+        points = points_of(track.surfaces[i]) if track.surfaces else None
+        muscle = fibre_surface(fibres) if points is None else with_points(track.rest, points)
         moved = result.motion.at(float(result.motion.times[number]))
         frames.append(MuscleFrame(muscle, moved, fibres, _at(result, name, number)))
     return frames

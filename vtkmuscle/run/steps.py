@@ -49,7 +49,7 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
     store = None if out is None else ResultWriter(out, scene, numbers)
     run, tracks = SceneRun(scene, numbers, store, options), Tracks()
     if store is not None and not options.fresh:
-        tracks = store.kept()
+        tracks = store.finished(store.keys)
     if scene.muscle_contact != "off" and len(tracks) < len(scene.muscles):
         tracks = {}  # the other muscles ask these ones' filters
     with ExitStack() as stack:
@@ -82,7 +82,7 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
             if store is not None:
                 if drawing is not None:
                     drawing.add([rest_pose_of(result)])
-                _write_tables(store, result)
+                store.write_tables(result)
                 if options.report:
                     before = time.perf_counter()
                     result.write_report(store.path / PAGE)
@@ -279,15 +279,6 @@ def _refused(result: Result) -> dict[str, Any]:
         return {"reason": str(error)}
 
 
-def _write_tables(store: ResultWriter, result: Result) -> None:
-    """Write the tables of a result and of fibre measures."""
-    for name, table in result.tables().items():
-        if name == "fibre_lengths" or len(table["muscle"]):
-            store.write_table(name, table)
-    for name, table in result.fibre_tables():
-        store.write_table(f"{name}_fibres", table)
-
-
 def _result(run: SceneRun, report: dict[str, Any], drawn_bones: DrawnBones, tracks: Tracks) -> Result:
     scene, muscles = run.scene, run.scene.muscles.items()
     more: dict[str, Any] = {"literature": {name: muscle.literature for name, muscle in muscles}}
@@ -328,5 +319,5 @@ def _reported(
             with suppress(OSError, InputError):  # the disk may have failed; the first error says more
                 store.write_report(report)  # first: tables without a report would be a user's files
                 if tracks:
-                    _write_tables(store, result_of(tracks))
+                    store.write_tables(result_of(tracks))
         raise

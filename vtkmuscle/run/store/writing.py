@@ -21,7 +21,6 @@ from vtkmuscle.io.surfaces import Series
 from vtkmuscle.run import store
 from vtkmuscle.run.frames import STAMPS, MuscleTrack, WrittenFile
 from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, TRACK_FIELDS, MuscleNote, ResultFolder, RunNote
-from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.schema_types import checked_name
 
@@ -153,12 +152,8 @@ class ResultWriter(ResultFolder):
         super().__init__(path.absolute())
         self._times, self._numbers = scene.motion.times, numbers
         self._stamp = scene.name, scene.units, __version__
-        self._keys = store.muscle_keys(scene, numbers)
+        self.keys = store.muscle_keys(scene, numbers)
         self._series: dict[str, Series] = {}
-
-    def kept(self) -> dict[str, MuscleTrack]:
-        """Return muscles finished earlier with equal input."""
-        return self.finished(self._keys)
 
     def write_frame(
         self, muscle: str, number: int, surface: vtkPolyData | None, fibres: vtkPolyData | None
@@ -184,7 +179,7 @@ class ResultWriter(ResultFolder):
                 writing.write_polydata(files[-1], rest)
             if series in self._series:
                 files.append(self._series[series].path)
-        own: dict[str, Any] = {"key": self._keys[name], "has_fibres": track.rest_fibres is not None}
+        own: dict[str, Any] = {"key": self.keys[name], "has_fibres": track.rest_fibres is not None}
         own |= {field: getattr(track, field) for field in TRACK_FIELDS}
         note = MuscleNote(**own, files=self._sizes(files))
         writing.write_json(self.note_file(name), note.model_dump())
@@ -210,9 +205,13 @@ class ResultWriter(ResultFolder):
                     writing.write_polydata(parts[name], self._stamped(bone))
             collection.add_parts(time, parts)
 
-    def write_table(self, name: str, table: Table) -> None:
-        """Write a table; tables of lengths have all digits."""
-        table.to_csv(self.path / f"{name}.csv", digits=None if name in _EXACT else DIGITS)
+    def write_tables(self, result: Result) -> None:
+        """Write the tables of a result and of fibre measures; tables of lengths have all digits."""
+        tables = {name: table for name, table in result.tables().items() if len(table["muscle"])}
+        for name, table in {"fibre_lengths": result.fibre_length_table(), **tables}.items():
+            table.to_csv(self.path / f"{name}.csv", digits=None if name in _EXACT else DIGITS)
+        for name, table in result.fibre_tables():
+            table.to_csv(self.path / f"{name}_fibres.csv", digits=DIGITS)
 
     def write_report(self, report: Mapping[str, Any]) -> None:
         """Write report.json."""
