@@ -5,10 +5,9 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from concurrent.futures import BrokenExecutor, as_completed
+from contextlib import ExitStack, contextmanager
 from itertools import product
-from multiprocessing import active_children
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,7 +15,7 @@ from typing import Any
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.machine import processors
-from vtkmuscle.io.children import child_context
+from vtkmuscle.io.children import processes
 from vtkmuscle.io.writing import Outputs, locked
 from vtkmuscle.run import Result, frame_numbers
 from vtkmuscle.run.frames import run_options
@@ -174,27 +173,18 @@ def _solved(tasks: Sequence[tuple[Any, ...]], client: Any, workers: int) -> Iter
         for number, task in enumerate(tasks):
             yield number, _rows(*task)
         return
-    before = active_children()
-    if client is None:
-        pool = ProcessPoolExecutor(min(workers, len(tasks)), child_context())
-    else:
-        pool = client.get_executor(pure=False)
-    try:
+    with ExitStack() as stack:  # Ctrl-C, or an error in progress(): nobody waits for scenes that still run
+        if client is None:
+            pool = stack.enter_context(processes(min(workers, len(tasks))))
+        else:
+            pool = client.get_executor(pure=False)
+            stack.callback(pool.shutdown, wait=False)  # cancels the tasks that have not begun
         jobs = {pool.submit(_rows, *task): number for number, task in enumerate(tasks)}
         for job in as_completed(jobs):
             try:
                 yield jobs[job], job.result()
             except BrokenExecutor:
                 yield jobs[job], [_failed("the process was killed or out of memory; run it again")]
-    except BaseException:  # Ctrl-C, or an error in progress(): nobody waits for the scenes that still run
-        for process in set(active_children()).difference(before):
-            process.terminate()
-        raise
-    finally:
-        if client is None:
-            pool.shutdown(cancel_futures=True)
-        else:
-            pool.shutdown(wait=False)  # cancels the tasks that have not begun
 
 
 def _rows(file: Path, out: Path | None, options: Mapping[str, Any]) -> list[Row]:

@@ -7,9 +7,9 @@ import pickle
 import signal
 import time
 import warnings
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from contextlib import ExitStack
-from multiprocessing import active_children, parent_process
+from multiprocessing import parent_process
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Thread
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Self
 from vtkmuscle.core.machine import is_python, processors
 from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.data.arrays import points_of, with_points
-from vtkmuscle.io.children import child_context, interrupts_blocked
+from vtkmuscle.io.children import child_context, interrupts_blocked, processes
 from vtkmuscle.plotting.drawing import FigureOrder
 from vtkmuscle.plotting.views import DrawnBones
 from vtkmuscle.run.frames import Frames, MuscleTrack, RunOptions
@@ -50,37 +50,31 @@ class Pool:
         # VTK's data sets are pickled by this module of VTK. ParaView's VTK lacks it, and uses no pool.
         import vtkmodules.util.pickle_support  # noqa: F401, PLC0415
 
-        context = child_context()
-        self._messages, self._before = context.SimpleQueue(), active_children()
-        self.checked = context.Event()
+        context, self._stack = child_context(), ExitStack()
+        self._messages, self.checked = context.SimpleQueue(), context.Event()
         self._warned: dict[Any, Any] = {}
         # What is large goes through files: a pipe that nobody reads any more would be written to for ever.
-        self._files = TemporaryDirectory()
+        self._folder = Path(self._stack.enter_context(TemporaryDirectory()))
         given = self._file("run", (run.scene, run.numbers, run.store, run.options.clock, run.only))
-        self._bones = Path(self._files.name, "bones")
-        self._solvers = ProcessPoolExecutor(size, context, _begin, (given, self._messages, self.checked))
-        drawing = self._bones, self._messages
-        self._drawers = ProcessPoolExecutor(max(size // 2, 1), context, _begin_drawing, drawing)
+        solving, drawing = (given, self._messages, self.checked), (self._folder / "bones", self._messages)
+        self._drawers = self._stack.enter_context(processes(max(size // 2, 1), _begin_drawing, drawing))
+        self._solvers = self._stack.enter_context(processes(size, _begin, solving))
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for process in set(active_children()).difference(self._before):
-            process.kill()
-        self._solvers.shutdown(cancel_futures=True)
-        self._drawers.shutdown(cancel_futures=True)
-        self._files.cleanup()
+        self._stack.close()
 
     def solve(self, muscle: str) -> Future[Path]:
         """Solve a muscle in the next free process; the result is for :func:`track_in`."""
         with interrupts_blocked():
-            return self._solvers.submit(_solve, muscle, Path(self._files.name, f"muscle {muscle}"))
+            return self._solvers.submit(_solve, muscle, self._folder / f"muscle {muscle}")
 
     def draw(self, order: FigureOrder, folder: Path, bones: DrawnBones) -> Future[float]:
         """Draw a figure in the next free process; the result is the drawing time [s]."""
-        if not self._bones.exists():
-            self._file(self._bones.name, bones)
+        if not (self._folder / "bones").exists():
+            self._file("bones", bones)
         with interrupts_blocked():
             return self._drawers.submit(_draw, self._file(f"figure {order.name}", order), folder)
 
@@ -95,7 +89,7 @@ class Pool:
                 options.progress(*content)
 
     def _file(self, name: str, content: object) -> Path:
-        path = Path(self._files.name, name)
+        path = self._folder / name
         path.write_bytes(pickle.dumps(content))
         return path
 
