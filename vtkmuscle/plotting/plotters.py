@@ -30,7 +30,6 @@ def plain_plotter(size: tuple[int, int], off_screen: bool | None) -> pyvista.Plo
     theme.trame = own.trame
     with studio.x_server_warning_off():
         plotter = pyvista.Plotter(off_screen=off_screen, window_size=list(size), theme=theme)
-    plotter.set_background("white")
     plotter.enable_anti_aliasing("ssaa")
     return plotter
 

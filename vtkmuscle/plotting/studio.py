@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -31,6 +31,7 @@ from vtkmodules.vtkRenderingCore import (
 from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data import arrays, package_text
+from vtkmuscle.io.in_child import log_level
 from vtkmuscle.plotting import views
 
 _PLAIN_FIBRES = "#f3d9c9"
@@ -260,12 +261,5 @@ def look_from(camera: vtkCamera, view: views.View) -> None:
     camera.SetParallelScale(view.half_height)
 
 
-@contextmanager
-def x_server_warning_off() -> Iterator[None]:
-    """Omit VTK's warning of a missing X server, which off-screen pictures do not need."""
-    before = vtkLogger.GetCurrentVerbosityCutoff()
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
-    try:
-        yield
-    finally:
-        vtkLogger.SetStderrVerbosity(before)
+#: Context without VTK's warning of a missing X server, which off-screen pictures do not need.
+x_server_warning_off = partial(log_level, vtkLogger.VERBOSITY_ERROR)

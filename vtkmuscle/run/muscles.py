@@ -196,8 +196,7 @@ class MuscleRun:
             if deformed is None:
                 self._keep(row | _settling(pipeline) | {"ms": 1000.0 * carried()}, None, fibres)
                 return
-            row |= read_shape(deformed, self.scene.millimetres)
-            row |= _settling(pipeline)
+            row |= read_shape(deformed, self.scene.millimetres) | _settling(pipeline)
             row |= measure.frame(points, transforms)
             if fibres is not None:
                 lines = arrays.polylines_of(fibres, "fibres")

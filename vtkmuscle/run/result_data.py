@@ -321,14 +321,11 @@ class ResultData(ByName):
         tables = {"length_mm": self.length_table(), "fibre_length_mm": self.fibre_length_table()}
         axes = ("muscle", "coordinate", "fibre", "frame")
         if self.has_moment_arms:
-            arms = self.moment_arms()
-            kept, parts = np.array(self.frames), []
-            columns = (*axes, "moment_arm_mm")
-            for labels, each in arms.labelled():
-                fibres = np.arange(each.arms.shape[1])
-                own = {"fibre": fibres, "frame": kept[each.frames, None], "moment_arm_mm": each.arms}
-                parts.append(labels | own)
-            tables["moment_arm_mm"] = Table.stacked(columns, parts)
+            parts, kept = [], np.array(self.frames)
+            for labels, each in self.moment_arms().labelled():
+                own = {"fibre": np.arange(each.arms.shape[1]), "frame": kept[each.frames, None]}
+                parts.append({**labels, **own, "moment_arm_mm": each.arms})
+            tables["moment_arm_mm"] = Table.stacked((*axes, "moment_arm_mm"), parts)
         data = xarray.Dataset()
         for name, table in tables.items():
             cube = table.to_frame().set_index([axis for axis in axes if axis in table])
