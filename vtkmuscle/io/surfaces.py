@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle.core.errors import InputError, check_is_file
@@ -101,11 +101,10 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
         raise InputError(str(path), "the file holds no triangles", remedy)
     if data.GetNumberOfVerts() + data.GetNumberOfLines():
         surface = vtkPolyData()
-        surface.SetPoints(data.GetPoints())
-        surface.SetPolys(data.GetPolys())
-        surface.SetStrips(data.GetStrips())
-        surface.GetPointData().ShallowCopy(data.GetPointData())
-        surface.GetFieldData().ShallowCopy(data.GetFieldData())
+        surface.ShallowCopy(data)
+        surface.SetVerts(vtkCellArray())
+        surface.SetLines(vtkCellArray())
+        surface.GetCellData().Initialize()
         data = surface
     with vtk_messages():
         result, changes = joined_triangles(data)

@@ -229,11 +229,8 @@ def write_polydata(path: Path, data: vtkPolyData) -> None:
         cells.DeepCopy(getattr(data, f"Get{kind}")())
         if cells.ConvertTo32BitStorage():
             getattr(narrow, f"Set{kind}")(cells)
-    writer = vtkXMLPolyDataWriter(input_data=narrow, encode_appended_data=False)
-    writer.SetDataModeToAppended()
-    writer.SetHeaderTypeToUInt64()
-    writer.SetCompressorTypeToNone()
-    write_with(writer, path)
+    form = {"data_mode": vtkXMLPolyDataWriter.Appended, "encode_appended_data": False, "header_type": 64}
+    write_with(vtkXMLPolyDataWriter(input_data=narrow, compressor=None, **form), path)
 
 
 def write_with(writer: Any, path: Path) -> None:

@@ -30,12 +30,9 @@ sys.modules["numpy"] = None  # VTK would load it, which takes longer than all el
 import vtkmodules.vtkRenderingOpenGL2
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
-renderer, window, pixel = vtkRenderer(), vtkRenderWindow(), vtkUnsignedCharArray()
-renderer.SetBackground(1, 0, 0)
-window.SetOffScreenRendering(True)
-window.SetMultiSamples(0)
-window.SetSize(8, 8)
-window.AddRenderer(renderer)
+window = vtkRenderWindow(off_screen_rendering=True, multi_samples=0, size=(8, 8))
+pixel = vtkUnsignedCharArray()
+window.AddRenderer(vtkRenderer(background=(1, 0, 0)))
 window.Render()
 window.GetPixelData(4, 4, 4, 4, 0, pixel, 0)
 if not pixel.GetNumberOfTuples() or pixel.GetTuple(0)[0] != 255:

@@ -122,6 +122,7 @@ def fibre_actor(fibres: vtkPolyData, width: float, colours: NDArray[np.uint8] | 
     lines = arrays.polylines_from(arrays.polylines_of(fibres, "plotting: fibres"))
     if colours is not None:
         arrays.add_arrays(lines, cells={_COLOURS: colours})
+        lines.GetCellData().SetActiveScalars(_COLOURS)
     # The end curvature equals the neighbouring point's, so that arcs stay round.
     cubic = vtkCardinalSpline(left_constraint=3, right_constraint=3, left_value=1.0, right_value=1.0)
     # Thick lines have gaps at bends; with this many pieces, gaps are invisible.
@@ -130,12 +131,7 @@ def fibre_actor(fibres: vtkPolyData, width: float, colours: NDArray[np.uint8] | 
     splines.SetSubdivideToSpecified()
     look = {"line_width": width, "render_lines_as_tubes": True, "ambient": 0.25}
     actor = _actor(splines.update().output, _PLAIN_FIBRES, **look)
-    if colours is not None:
-        mapper = actor.GetMapper()
-        mapper.SetScalarVisibility(True)
-        mapper.SetScalarModeToUseCellFieldData()
-        mapper.SelectColorArray(_COLOURS)
-        mapper.SetColorModeToDirectScalars()
+    actor.GetMapper().SetScalarVisibility(colours is not None)
     return actor
 
 
@@ -188,14 +184,11 @@ class Studio:
 
     def __init__(self, detail: float = 1.0) -> None:
         self._detail, self.finer = detail, FINER * detail
-        with x_server_warning_off():
-            self._window, self._renderer = vtkRenderWindow(), vtkRenderer()
-            self._window.SetOffScreenRendering(True)
-        self._window.SetMultiSamples(0)  # in software they cost more than finer pixels
-        self._window.AddRenderer(self._renderer)
-        self._renderer.SetBackground(1.0, 1.0, 1.0)
+        with x_server_warning_off():  # samples cost more in software than finer pixels
+            self._window = vtkRenderWindow(off_screen_rendering=True, multi_samples=0)
         # Muscles of one colour without back faces look the same in any order.
-        self._renderer.SetUseOIT(False)
+        self._renderer = vtkRenderer(background=(1.0, 1.0, 1.0), use_oit=False)
+        self._window.AddRenderer(self._renderer)
         self._bones: dict[views.DrawnBone, vtkActor] = {}
 
     def __enter__(self) -> Self:
