@@ -13,8 +13,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, joined_triangles, polylines_from
 from vtkmuscle.data.attachments import AttachmentArea, landmarks_of
-from vtkmuscle.filters.fibre_metrics import FibreMetrics
-from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.filters import FibreMetrics, FixedPointDetector
 from vtkmuscle.pipelines import decompose, deform
 from vtkmuscle.plotting.plotters import MovingScene
 
@@ -146,10 +145,7 @@ class MuscleAccessor:
         muscles = {} if lines_alone else {"muscle": self._mesh}
         lines = self._mesh if lines_alone else fibres
         scene = MovingScene(named, muscles, {} if lines is None else {"muscle": lines}, off_screen=off_screen)
-        if not show:
-            return scene.plotter
-        scene.plotter.show()
-        return None
+        return scene.plotter.show() if show else scene.plotter
 
 
 def _area(role: str, landmarks: Any) -> AttachmentArea:

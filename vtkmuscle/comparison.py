@@ -15,8 +15,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, read_literature, side_apart
-from vtkmuscle.run.result import Result
-from vtkmuscle.run.table import Table
+from vtkmuscle.run import Result, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -22,8 +22,7 @@ from vtkmuscle.core.words import suggestion
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import checked_surface, surface_from
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.io import read_surface, write_polydata, write_text
-from vtkmuscle.io.msf import read_msf
+from vtkmuscle.io import read_msf, read_surface, write_polydata, write_text
 from vtkmuscle.io.writing import file_digest, replacing, write_json
 from vtkmuscle.plotting.views import merged
 from vtkmuscle.scene.writing import write_areas

@@ -15,9 +15,8 @@ from vtkmuscle.core.words import ByName, suggestion
 from vtkmuscle.core.words import names as as_names
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.plotting.drawing import html_picture
+from vtkmuscle.run import Result, run_scene
 from vtkmuscle.run.frames import run_options
-from vtkmuscle.run.result import Result
-from vtkmuscle.run.steps import run_scene
 from vtkmuscle.scene.checks import checked
 from vtkmuscle.scene.data import Muscle, SceneData, SceneError
 from vtkmuscle.scene.reading import read_fields

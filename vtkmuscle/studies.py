@@ -17,10 +17,9 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.machine import processors
 from vtkmuscle.io.children import processes
 from vtkmuscle.io.writing import Outputs, locked
-from vtkmuscle.run import Result, frame_numbers
+from vtkmuscle.run import Result, Table, frame_numbers
 from vtkmuscle.run.frames import run_options
 from vtkmuscle.run.store import ResultFolder, muscle_keys
-from vtkmuscle.run.table import Table
 from vtkmuscle.scenes import Scene
 
 #: Columns that every table has after the subject or the settings; columns of numbers follow.

@@ -20,8 +20,7 @@ from vtkmuscle.filters.deformer import PRESETS
 from vtkmuscle.filters.taut_paths import PATH_PRESETS
 from vtkmuscle.io.literature import curves_for, drawn
 from vtkmuscle.io.writing import Outputs
-from vtkmuscle.run import Result
-from vtkmuscle.run.table import Table
+from vtkmuscle.run import Result, Table
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scenes import Scene
 from vtkmuscle.studies import Row, folder_name, run_labelled

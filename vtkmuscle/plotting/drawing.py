@@ -11,12 +11,9 @@ from dataclasses import dataclass
 from functools import cache
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from typing import TYPE_CHECKING, Any
 
 from vtkmuscle.core.machine import python_command
-from vtkmuscle.core.types import Floats
 from vtkmuscle.plotting.views import DrawnBones
 
 if TYPE_CHECKING:
@@ -75,15 +72,6 @@ def can_render() -> str | None:
     lines = [_LOG_PREFIX.sub("", line).strip() for line in done.stderr.splitlines()]
     last = next((f"; the last message was: {line}" for line in reversed(lines) if line), "")
     return f"{what}: no usable OpenGL (on Linux, the packages libegl1 and libgl1 provide it){last}"
-
-
-class MuscleFrame(NamedTuple):
-    """A muscle in a frame, with bones, fibres and title."""
-
-    muscle: vtkPolyData
-    transforms: Mapping[str, Floats]
-    fibres: vtkPolyData | None = None
-    label: str = ""
 
 
 @dataclass(frozen=True, eq=False)

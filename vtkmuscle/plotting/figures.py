@@ -26,7 +26,6 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn, label_of
 from vtkmuscle.plotting import sheets, views
-from vtkmuscle.plotting.drawing import MuscleFrame
 from vtkmuscle.plotting.studio import Studio, actors_of, colours_of, fixed_bones, strain_colours
 
 
@@ -67,7 +66,7 @@ def plot_rest_pose(
 
 
 def plot_muscle(
-    frames: Sequence[MuscleFrame],
+    frames: Sequence[views.MuscleFrame],
     bones: views.DrawnBones,
     studio: Studio,
     *,
@@ -180,7 +179,7 @@ def plot_moment_arms(
     bones: views.DrawnBones | None = None,
     studio: Studio | None = None,
     *,
-    rest: MuscleFrame | None = None,
+    rest: views.MuscleFrame | None = None,
     literature: Sequence[LiteratureCurve] = (),
     units: str = "mm",
     width: float = sheets.WIDTH,
@@ -198,7 +197,7 @@ def plot_moment_arms(
         At rest; for the picture of the muscle.
     studio : Studio, optional
         Renders the picture of the muscle.
-    rest : MuscleFrame, optional
+    rest : views.MuscleFrame, optional
         The muscle at rest, with a fibre per path, and a title.
     literature : sequence of LiteratureCurve, optional
         Published moment arms of the muscle, by coordinates of the same names.

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -119,6 +120,15 @@ PLACE_MAP = "viridis"
 #: Colours of Okabe and Ito, distinguishable for colour-blind readers; bones and muscles use the colours in
 #: turn.
 PALETTE = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442")
+
+
+class MuscleFrame(NamedTuple):
+    """A muscle in a frame, with bones, fibres and title."""
+
+    muscle: vtkPolyData
+    transforms: Mapping[str, Floats]
+    fibres: vtkPolyData | None = None
+    label: str = ""
 
 
 @dataclass(frozen=True, eq=False)

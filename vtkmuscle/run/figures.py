@@ -21,8 +21,8 @@ from vtkmuscle.core.words import names
 from vtkmuscle.data.arrays import blocks_of, points_of, with_points
 from vtkmuscle.io.literature import label_of
 from vtkmuscle.io.writing import replacing
-from vtkmuscle.plotting.drawing import FigureOrder, MuscleFrame, can_render
-from vtkmuscle.plotting.views import DrawnBones, fibre_surface
+from vtkmuscle.plotting.drawing import FigureOrder, can_render
+from vtkmuscle.plotting.views import DrawnBones, MuscleFrame, fibre_surface
 from vtkmuscle.scene.data import SceneData
 
 if TYPE_CHECKING:

@@ -19,12 +19,10 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data import arrays
 from vtkmuscle.data.attachments import VIA
 from vtkmuscle.data.paths import PATH_STEPS, SAG, SQUEEZED, UNSETTLED, path_lines_of, paths_of
+from vtkmuscle.filters import Filter, PathDeformer, PBDDeformer
 from vtkmuscle.filters.base.algorithm import AbortedError
-from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.running import upstream
 from vtkmuscle.filters.deformer import read_shape
-from vtkmuscle.filters.path_deformer import PathDeformer
-from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run.frames import MuscleTrack, RunOptions, WrittenFile
 from vtkmuscle.run.measure import MuscleMeasure

@@ -150,10 +150,7 @@ class Result(ResultData):
         shown.show(position)
         if frame is None and time is None and len(self.frames) > 1:
             shown.add_slider()
-        if not show:
-            return shown.scene.plotter
-        shown.scene.plotter.show()
-        return None
+        return shown.scene.plotter.show() if show else shown.scene.plotter
 
     def movie(
         self,

@@ -266,7 +266,7 @@ def _judge_further(scene: SceneData, result: Result, track: MuscleTrack, odd: Se
             arms = result.moment_arms()
             if name in arms:
                 track.report["moment_arms"] = arms.report(name)
-    muscle = Judged(name, scene, track, arms.get(name, {}), result.lengths.get(name))
+    muscle = Judged(name, scene, track, arms.get(name, {}))
     reasons, missing = further_reasons(muscle, odd), missing_checks(muscle)
     track.report["verdict"] = with_reasons(track.report["verdict"], reasons, missing)
 

@@ -194,13 +194,12 @@ MARGIN = 15.0
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A muscle with all that is known of its results. Lengths of paths are per frame and path [mm]."""
+    """A muscle of a scene with its results."""
 
     name: str
     scene: SceneData
     track: MuscleTrack
     arms: Mapping[str, JointArms]
-    lengths: Floats | None
 
     @property
     def anatomical(self) -> str:
@@ -279,9 +278,9 @@ def _fascicles(muscle: Judged) -> Iterator[Reason]:
 def _arms(muscle: Judged, arms: JointArms) -> Iterator[Reason]:
     """Yield moment arms longer than the muscle, or outside of what is published, at the worst value."""
     mean, frames = arms.mean, arms.frames.tolist()
-    if arms.unit not in ANGLES or muscle.lengths is None or not np.isfinite(mean).any():
+    if arms.unit not in ANGLES or not np.isfinite(mean).any():
         return
-    longer = np.nan_to_num(np.abs(mean) / muscle.lengths[frames].mean(axis=1))
+    longer = np.nan_to_num(np.abs(mean) / np.mean(muscle.track.lengths, axis=1)[frames])
     worst = int(longer.argmax())
     if longer[worst] > 1.0:
         says = f"the moment arm by {arms.coordinate} is {mean[worst]:.3g} mm, longer than the muscle"

@@ -9,7 +9,6 @@ from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path, PurePosixPath
-from types import MappingProxyType
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
@@ -85,8 +84,9 @@ class MuscleNote(_Table):
     files: Sizes
 
 
-#: Fields that a note has of its track.
+#: Fields that the note of a muscle has of its track, and the note of a run of its result.
 TRACK_FIELDS = ("report", "lengths", "fibre_lengths", "rest_lengths", "segment_errors")
+RESULT_FIELDS = ("motion", "literature", "crosses")
 
 
 class RunNote(_Table):
@@ -183,11 +183,9 @@ class ResultFolder:
             tracks[name].report = report["muscles"][name]
         return {
             "bones": multiblock_from({name: self._at_rest(f"bones/{name}") for name in noted.bones}),
-            "motion": noted.motion,
             "tracks": tracks,
             "report": report,
-            "literature": noted.literature,
-            "crosses": noted.crosses,
+            **{field: getattr(noted, field) for field in RESULT_FIELDS},
         }
 
     def finished(self, keys: Mapping[str, str]) -> dict[str, MuscleTrack]:
@@ -247,14 +245,12 @@ class ResultFolder:
 #: Parts of the package that only start runs or show results.
 _SHOWING = ("cli", "paraview", "plotting", "report/")
 #: Fields that no frame of a muscle depends on, and why; all others count.
-IRRELEVANT: Mapping[str, str] = MappingProxyType(
-    {
-        "SceneData.files": "where it was read from; what was read counts",
-        "SceneData.guessed": "judged anew in every run",
-        "Muscle.literature": "drawn beside the curves of a finished run",
-        "Muscle.muscle": "judged anew in every run",
-    }
-)
+IRRELEVANT: Mapping[str, str] = {
+    "SceneData.files": "where it was read from; what was read counts",
+    "SceneData.guessed": "judged anew in every run",
+    "Muscle.literature": "drawn beside the curves of a finished run",
+    "Muscle.muscle": "judged anew in every run",
+}
 #: Packages that have a part in the numbers.
 _PACKAGES = ("numpy", "scipy", "numba", "vtk")
 

@@ -16,8 +16,7 @@ from vtkmuscle import __version__
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import add_arrays, blocks_of, shallow_copy
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.io import writing
-from vtkmuscle.io.surfaces import Series
+from vtkmuscle.io import Series, writing
 from vtkmuscle.run import store
 from vtkmuscle.run.frames import STAMPS, MuscleTrack, WrittenFile
 from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, TRACK_FIELDS, MuscleNote, ResultFolder, RunNote
@@ -221,7 +220,7 @@ class ResultWriter(ResultFolder):
         """Write the last report, and the note of the run."""
         self.write_report(result.report)
         files = [self.path / REPORT, *(self.path / FINISHED / "bones" / f"{name}.vtp" for name in bones)]
-        parts = {field: getattr(result, field) for field in ("motion", "literature", "crosses")}
+        parts = {field: getattr(result, field) for field in store.RESULT_FIELDS}
         digest = writing.file_digest(files[0])
         note = RunNote.model_construct(report=digest, bones=list(bones), files=self._sizes(files), **parts)
         writing.write_json(self.note_file(SCENE), note.model_dump())
