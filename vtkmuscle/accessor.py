@@ -97,11 +97,6 @@ class MuscleAccessor:
             Parameters of FixedPointDetector; not needed for a mesh with ``FixedTo``.
         **solver
             Parameters of :class:`~vtkmuscle.filters.PBDDeformer`.
-
-        Returns
-        -------
-        pyvista.PolyData
-            The muscle at that time.
         """
         marked = attachments is None and fixing is None and "FixedTo" in self._mesh.point_data
         fixed = None if marked else fixing or {}
@@ -135,7 +130,7 @@ class MuscleAccessor:
     def plot(
         self, *, fibres: Any = None, bones: Any = None, show: bool = True, off_screen: bool | None = None
     ) -> Any:
-        """Show the muscle, with fibres and bones in the same pose, in a window or a cell of a notebook.
+        """Show the muscle. With fibres and bones in the same pose, in a window or a cell of a notebook.
 
         With ``show=False`` the plotter is returned before it is shown; ``off_screen`` is PyVista's own
         setting by default.

@@ -141,11 +141,6 @@ def tradeoff(
     **settings : iterable
         Values as of :func:`vtkmuscle.vary`; default: :data:`TRIED`.
 
-    Returns
-    -------
-    Tradeoff
-        Table, figure and :meth:`Tradeoff.cheapest`.
-
     Raises
     ------
     ValueError

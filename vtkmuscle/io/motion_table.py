@@ -58,11 +58,6 @@ def read_motion_table(
         :class:`~vtkmuscle.core.motion.coordinates.Coordinate`. By default the time column, unless called
         ``time``, ``frame`` or similar, or counting rows. Constant columns are omitted.
 
-    Returns
-    -------
-    RigidMotion
-        Motion of the bone or bones, with coordinates.
-
     Raises
     ------
     FileNotFoundError, ValueError
@@ -115,7 +110,7 @@ def read_motion_table(
 def _poses(
     path: Path, rows: Sequence[tuple[int, Mapping[str, str]]], time: str | None, columns: Iterable[str]
 ) -> tuple[Floats, Floats, dict[str, Floats]]:
-    """Return times (t,), transforms (t, 4, 4), and the values of further columns, of a bone's rows."""
+    """Return times (t,), transforms (t, 4, 4), and the values of further columns. Of a bone's rows."""
     where = [f"line {line} (row {row})" for row, (line, _) in enumerate(rows)]
 
     def column(name: str) -> Floats:

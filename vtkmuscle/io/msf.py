@@ -30,7 +30,7 @@ Clouds = dict[str, dict[str, Floats]]
 
 
 def read_msf(path: str | PathLike[str]) -> Clouds:
-    """Read visible landmarks (3,) of a .msf or .nms tree by cloud and name, in the tree's frame and unit.
+    """Read visible landmarks (3,) of a tree by cloud and name. In the tree's frame and unit.
 
     Raises
     ------

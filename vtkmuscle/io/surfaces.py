@@ -32,18 +32,13 @@ SURFACE_SUFFIXES = tuple(FORMATS["readers"])
 
 
 def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
-    """Read points with triangles, polylines and arrays.
+    """Read points in double precision with triangles, polylines and arrays.
 
     Parameters
     ----------
     path : path
         A .vtp, .vtk (legacy), .vtu, .stl, .obj, .ply, .off, .glb or .gltf file. Volume meshes are read as
         their outer surface.
-
-    Returns
-    -------
-    vtkPolyData
-        With points in double precision.
 
     Raises
     ------

@@ -42,15 +42,10 @@ _LOG_PREFIX = re.compile(r"^.*\b(WARN|ERR)\|\s|\x1b\[[0-9;]*m")
 
 @cache
 def can_render() -> str | None:
-    """Return None, or the reason against off-screen pictures.
+    """Return None, or the reason against off-screen pictures in words.
 
     A child process renders a tiny picture, once per process: without an OpenGL library, VTK may end the
     process instead of raising an error.
-
-    Returns
-    -------
-    str or None
-        The reason in words.
 
     Examples
     --------

@@ -38,7 +38,7 @@ def plot_rest_pose(
     units: str = "mm",
     width: float = sheets.WIDTH,
 ) -> Figure:
-    """Return a picture of muscles with the point array ``FixedTo`` at rest, of a width on paper [mm]."""
+    """Return a picture of muscles with fixed points at rest. The width on paper is in mm."""
     hiding = bones.spread()
     shown = {label_of(name): [muscle] for name, muscle in muscles.items()}
     if len(muscles) > 1:
@@ -126,11 +126,6 @@ def plot_lengths(
         Words for times, such as the values of several coordinates.
     width : float, optional
         Of the figure on paper [mm].
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        For ``savefig``.
     """
     values = np.asarray(lengths, dtype=np.float64)
     high = min(0.75 * width / sheets.INCH, 4.2)
@@ -205,11 +200,6 @@ def plot_moment_arms(
         Unit of the scale bar.
     width : float, optional
         Of the figure on paper [mm]. The picture is beside the curves, or above them where they are narrow.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        For ``savefig``.
     """
     panel, wide, beside = None, width / sheets.INCH, width > 0.6 * sheets.WIDTH
     positions = None if rest is None or rest.fibres is None else positions_across(rest.fibres)

@@ -44,7 +44,7 @@ def make_plotter(
     fixed_points: bool = False,
     off_screen: bool | None = True,
 ) -> pyvista.Plotter:
-    """Return a plotter of bones, translucent muscles and fibres.
+    """Return a plotter of bones, translucent muscles and fibres, to be closed after use.
 
     Parameters
     ----------
@@ -62,11 +62,6 @@ def make_plotter(
         Mark fixed points (point array ``FixedTo``) by spheres, coloured by bone.
     off_screen : bool or None, optional
         None for a window on :meth:`pyvista.Plotter.show`, unless PyVista draws off-screen.
-
-    Returns
-    -------
-    pyvista.Plotter
-        For ``show`` or ``screenshot``; to be closed afterwards.
     """
     plotter = plain_plotter(view.size, off_screen)
     # PyVista's anti-aliasing renders 4 x 4 pixels.
@@ -153,11 +148,6 @@ def show_time(plotter: pyvista.Plotter, time: float) -> None:
         With algorithms; data sets stay unchanged.
     time : float
         Pipeline time.
-
-    Raises
-    ------
-    Exception
-        As raised by a filter.
     """
     for renderer in plotter.renderers:
         # PyVista's renderer.actors uses reusable addresses as names, and can lack actors.
@@ -185,11 +175,6 @@ def add_time_slider(plotter: pyvista.Plotter, times: Sequence[float], **appearan
     **appearance
         Arguments of :meth:`pyvista.Plotter.add_slider_widget`: ``title``, ``pointa``, ``pointb``,
         ``value`` and so on.
-
-    Returns
-    -------
-    vtkSliderWidget
-        The slider.
     """
     span = (float(min(times)), float(max(times)))
     return plotter.add_slider_widget(lambda time: show_time(plotter, time), span, **appearance)

@@ -162,7 +162,7 @@ class View:
 
 
 def choose_view(muscles: Sequence[vtkPolyData], bones: Sequence[vtkMultiBlockDataSet]) -> View:
-    """Return the view with the largest visible muscle area.
+    """Return the view with the largest visible muscle area, for all frames.
 
     Directions around the vertical axis are compared by the muscle area that bones do not hide, then from
     slightly above and below. The frame encloses the muscles tightly.
@@ -173,11 +173,6 @@ def choose_view(muscles: Sequence[vtkPolyData], bones: Sequence[vtkMultiBlockDat
         A muscle in 1 or more frames.
     bones : sequence of vtkMultiBlockDataSet
         The bones of the frames.
-
-    Returns
-    -------
-    View
-        Shared by all frames for comparison.
     """
     spread = ([_spread(block) for _, block in blocks_of(frame)] for frame in bones)
     return clearest_view(muscles, [np.vstack([np.zeros((0, 3)), *of_frame]) for of_frame in spread])
@@ -205,9 +200,9 @@ def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats]) -> V
 
 
 def framed(direction: ArrayLike, points: Floats, *, margin: float = 0.12) -> View:
-    """Return a view with a tight frame around points (n, 3); the direction to the eye is not vertical.
+    """Return a view with a tight frame around points (n, 3).
 
-    The margin is relative to the size of the points; the aspect is between 0.5 and 1.6.
+    The direction to the eye is not vertical. The margin is relative to the size of the points; the aspect is between 0.5 and 1.6.
     """
     axes = axes_of(np.asarray(direction, dtype=np.float64))
     local = points @ axes.T

@@ -53,7 +53,7 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True)
 class Section:
-    """A section of a page: a table with a header, in which verdicts are marked, SVG drawings and pictures.
+    """A section of a page. A table with a header, in which verdicts are marked, SVG drawings and pictures.
 
     ``words`` says that cells are words rather than numbers; drawings are titles and SVG, pictures captions
     and PNG in base 64.

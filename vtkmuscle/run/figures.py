@@ -134,7 +134,7 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
 
 
 def _frames(result: Result, name: str) -> list[MuscleFrame]:
-    """Return the first, the worst or else the middle, and the last finished frame of a muscle.
+    """Return three finished frames of a muscle. The first, the worst or else the middle, and the last.
 
     The worst counts in the middle two thirds: next to an end it would show the same twice.
     """
@@ -169,7 +169,7 @@ def _rounded(values: Floats, frame: int) -> str:
 
 
 def _axis_values(result: Result, name: str) -> dict[str, Floats]:
-    """Return the times by label, or up to three coordinates of a muscle where the time is none of them."""
+    """Return the times by label. Up to three coordinates of a muscle, if the time is no coordinate."""
     crossed, every = result.crosses.get(name), result.motion.coordinates
     names = [key for key in every if np.ptp(every[key].values) > 0.0 and (crossed is None or key in crossed)]
     if result.time_label != "time" or not 1 <= len(names) <= 3:

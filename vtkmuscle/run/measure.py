@@ -161,12 +161,12 @@ class MuscleMeasure:
         self._fibre_rest_depths = None if depths is None else np.maximum.reduceat(depths, offsets[:-1])
 
     def _depths_of_free(self, points: Floats, now: Mapping[str, Floats]) -> Floats | None:
-        """Return the depths in bones of the points that are not fixed; None without any, or without bones."""
+        """Return the depths of free points in bones. None without such points or bones."""
         free = self._fixed_to < 0
         return self.depths(points[free], now) if free.any() else None
 
     def _sizes(self, name: str, depths: Floats | None, count: str = "") -> dict[str, Any]:
-        """Return the largest and 95th percentile of depths [mm], and the number above 0 by its name."""
+        """Return the largest and 95th percentile of depths [mm]. The number above 0 is by its name."""
         names = (f"{name}_max_mm", f"{name}_p95_mm", *([count] if count else []))
         if depths is None:
             return dict.fromkeys(names)

@@ -85,7 +85,7 @@ class ResultData(ByName):
         return self.moment_arms() if self.has_moment_arms else {}
 
     def finished(self, name: str) -> int:
-        """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
+        """Return the number of a muscle's kept frames. All, or those before a failure."""
         return len(self.report["muscles"][name]["frames"])
 
     def muscle(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
@@ -98,11 +98,6 @@ class ResultData(ByName):
         frame, time : int, float, optional
             One of ``frames``, the number in the motion, or counted from the last as -1; or a time, of the
             nearest kept frame within half of the distance to the next.
-
-        Returns
-        -------
-        pyvista.PolyData
-            The surface.
 
         Raises
         ------
@@ -118,7 +113,7 @@ class ResultData(ByName):
         return _wrapped(with_points(track.rest, points_of(track.surfaces[i])))
 
     def fibres(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
-        """Return the fibres of a muscle in a kept frame, None where it has none; see :meth:`muscle`."""
+        """Return the fibres of a muscle in a kept frame. None where it has none; see :meth:`muscle`."""
         i, track = self._position(frame, time), self.track(name)
         if not track.fibres and track.rest_fibres is None:
             return None
@@ -245,7 +240,7 @@ class ResultData(ByName):
         return self._lengths("fibre_lengths", self.fibre_lengths)
 
     def _lengths(self, table: str, lengths: Mapping[str, Floats]) -> Table:
-        """Return a table of lengths (f, k) per muscle, in the first f frames, with errors of means [mm]."""
+        """Return a table of lengths (f, k) per muscle [mm]. In the first f frames, with errors of means."""
         parts = (
             {
                 "muscle": name,
@@ -260,7 +255,7 @@ class ResultData(ByName):
         return Table.stacked(COLUMNS[table], parts)
 
     def frame_table(self) -> Table:
-        """Return the numbers of the report, a row per muscle and frame; NaN where a muscle has none.
+        """Return the numbers of the report. A row per muscle and frame; NaN where a muscle has none.
 
         ``report["definitions"]`` says what they are; the measures of fibres are in the report alone.
         """
@@ -283,7 +278,7 @@ class ResultData(ByName):
         return found | {"architecture": self.architecture()}
 
     def fibre_tables(self) -> Iterator[tuple[str, Table]]:
-        """Give the measures of the fibres of each muscle that has some, a row per fibre and frame."""
+        """Give the measures of the fibres of each muscle. A row per fibre and frame."""
         for name, track in self._tracks.items():
             if track.fibres:
                 columns = [one.columns for one in track.numbers]
@@ -370,7 +365,7 @@ def _listed(values: Sequence[float]) -> str:
 
 
 def time_label(motion: RigidMotion) -> str:
-    """Return the label of a motion's times: a coordinate with its unit where they are one, else "time"."""
+    """Return the label of a motion's times. A coordinate with its unit where they are one, else "time"."""
     for name, one in motion.coordinates.items():
         if np.array_equal(one.values, motion.times):
             return label_of(name, one.unit)

@@ -205,7 +205,7 @@ class ResultWriter(ResultFolder):
             collection.add_parts(time, parts)
 
     def write_tables(self, result: Result) -> None:
-        """Write the tables of a result and of fibre measures; tables of lengths have all digits."""
+        """Write the tables of a result and of fibre measures. Tables of lengths have all digits."""
         tables = {name: table for name, table in result.tables().items() if len(table["muscle"])}
         for name, table in {"fibre_lengths": result.fibre_length_table(), **tables}.items():
             table.to_csv(self.path / f"{name}.csv", digits=None if name in _EXACT else DIGITS)
