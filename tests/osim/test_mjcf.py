@@ -146,11 +146,11 @@ def test_a_written_model_is_read_with_the_same_lengths(tmp_path, rng):
 
 
 FLIP = """<mujoco model="arm"><compiler angle="radian" autolimits="true"/><worldbody>
-  <site name="a" pos="-0.15 0 0"/><site name="side" pos="0 -0.15 0"/>
+  <site name="a" pos="-0.15 0 0"/>
   <body><joint name="shoulder" axis="0 0 1" range="0 2.1"/>
     <geom name="round" type="cylinder" size="0.1 0.05"/>
     <site name="b" pos="0.15 -0.06 0"/></body></worldbody>
-  <tendon><spatial name="t"><site site="a"/><geom geom="round" sidesite="side"/><site site="b"/></spatial>
+  <tendon><spatial name="t"><site site="a"/><geom geom="round"/><site site="b"/></spatial>
   </tendon><actuator><muscle name="extensor" tendon="t"/></actuator></mujoco>"""
 
 
@@ -158,15 +158,15 @@ def test_a_muscle_of_mujoco_that_flips_over_a_cylinder_is_found(tmp_path):
     pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
     (tmp_path / "arm.xml").write_text(FLIP)
     jump = check_model(tmp_path / "arm.xml").findings[0]
-    assert (jump.muscle, jump.coordinate, jump.what) == ("extensor", "shoulder", "length jumps")
-    sides = {"shoulder": jump.pose["shoulder"] + np.array([-1e-3, 1e-3])}
-    before, after = read_mjcf(tmp_path / "arm.xml").lengths(["extensor"], sides)["extensor"]
-    assert jump.size == pytest.approx(abs(after - before), abs=1e-3)
+    assert (jump.muscle, jump.coordinate, jump.what) == ("extensor", "shoulder", "moment arm jumps")
+    # The shorter side changes where the end is opposite of the start, from the radius to minus the radius.
+    assert jump.pose["shoulder"] == pytest.approx(np.arctan(0.06 / 0.15), abs=1e-3)
+    assert jump.size == pytest.approx(0.2, rel=1e-3)
 
 
 def test_a_broken_model_of_mujoco_names_its_file(tmp_path):
     pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
-    (tmp_path / "arm.xml").write_text(FLIP.replace('geom="round" side', 'geom="square" side'))
+    (tmp_path / "arm.xml").write_text(FLIP.replace('geom geom="round"', 'geom geom="square"'))
     with pytest.raises(ValueError, match=r"arm\.xml: MuJoCo does not read the model: .*square"):
         read_mjcf(tmp_path / "arm.xml")
     with pytest.raises(FileNotFoundError, match="missing"):

@@ -53,7 +53,7 @@ class MujocoModel(OsimModel):
 def read_mjcf(path: str | PathLike[str]) -> MujocoModel:
     """Read a model of MuJoCo, with the package mujoco.
 
-    Optimal fibre and slack tendon lengths of a muscle follow from the muscle's ranges.
+    Optimal fibre and slack tendon lengths of a muscle follow from its ranges, where the file states them.
 
     Parameters
     ----------
@@ -82,7 +82,10 @@ def read_mjcf(path: str | PathLike[str]) -> MujocoModel:
         raise InputError(path, problem, remedy) from error
     try:
         spec = mujoco.MjSpec.from_file(str(path))
-        spec.compiler.LRopt.mode = mujoco.mjtLRMode.mjLRMODE_NONE  # ranges are read, not simulated
+        stated = [bool(actuator.lengthrange[1] > actuator.lengthrange[0]) for actuator in spec.actuators]
+        for actuator, has_range in zip(spec.actuators, stated, strict=True):
+            if not has_range:
+                actuator.lengthrange = 0.0, 1.0  # else MuJoCo simulates the model for a range
         model = spec.compile()
     except ValueError as error:
         raise InputError(path, f"MuJoCo does not read the model: {error}", "correct the model") from error
@@ -91,7 +94,8 @@ def read_mjcf(path: str | PathLike[str]) -> MujocoModel:
     for number in range(model.nu):
         name, tendon = _name("actuator", model.actuator(number)), int(model.actuator_trnid[number, 0])
         if model.actuator_trntype[number] == mujoco.mjtTrn.mjTRN_TENDON and tendon in paths:
-            muscles[name] = OsimMuscle(name, paths[tendon], _hill(mujoco, model, number), "muscle")
+            hill = _hill(mujoco, model, number) if stated[number] else {}
+            muscles[name] = OsimMuscle(name, paths[tendon], hill, "muscle")
             tendons[name] = tendon
         else:
             not_used.append(f"actuator {name}")
@@ -179,11 +183,11 @@ def _paths(mujoco: Any, model: Any) -> Iterator[tuple[int, PointPath]]:
 
 
 def _hill(mujoco: Any, model: Any, number: int) -> dict[str, float]:
-    """Return the properties of a muscle; none for another actuator or without ranges."""
+    """Return the properties of a muscle from its ranges of lengths; none for another actuator."""
     shortest, longest = model.actuator_lengthrange[number]
     least, most, force = model.actuator_gainprm[number, :3]
     muscle = model.actuator_gaintype[number] == mujoco.mjtGain.mjGAIN_MUSCLE
-    if not (muscle and longest > shortest and most > least):
+    if not (muscle and most > least):
         return {}
     optimal = float((longest - shortest) / (most - least))
     lengths = {"optimal_fiber_length": optimal, "tendon_slack_length": float(shortest - least * optimal)}
