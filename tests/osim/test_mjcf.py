@@ -123,6 +123,7 @@ def test_a_read_model_moves_as_in_mujoco(many, rng):
     assert np.abs(full["follows"] - np.polyval([0.2, 0.5, 0.1], full["turn"] - 0.2)).max() < 1e-12
 
 
+@pytest.mark.optional
 def test_a_read_model_has_muscles_ligaments_and_what_is_left_out(many):
     assert (list(many.muscles), list(many.ligaments)) == (["m"], ["passive"])
     assert many.not_used == ("actuator motor", "tendon sum")
