@@ -33,21 +33,34 @@ class ExportOptions:
     specific_tension: Annotated[float, Option(help="Force per cross-section, in N/cm^2.")] = 60.0
     mass: Annotated[list[str] | None, Option(metavar="BODY=KG", help="Mass of a new body.")] = None
     geometry_only: Annotated[bool, Option("--geometry-only", help="Paths alone.")] = False
+    tubes: Annotated[bool, Option("--tubes", help="For USD: fibres as meshes of tubes.")] = False
     overwrite: shared.OverwriteOption = False
 
 
 @shared.with_options
 def export(
     source: Annotated[Path, Argument(help="Folder of a run's results, or a scene.toml.")],
-    out: Annotated[Path, Argument(help=".osim, or .xml for MuJoCo.")],
+    out: Annotated[Path, Argument(help=".osim; .xml for MuJoCo; .usd, .usdc or .usda for an animation.")],
     *,
     options: ExportOptions,
 ) -> None:
-    """Export the muscles of a scene with joints to OpenSim or MuJoCo.
+    """Export the muscles of a scene with joints to OpenSim or MuJoCo, or a run's frames to USD.
 
     The source is a folder of results, or a scene, which is run first. Differences of lengths and moment arms
-    from the run are printed and written. The written model is checked, as by ``check``.
+    from the run are printed and written. The written model is checked, as by ``check``. An animation of USD
+    has bones, muscles and fibres, for Blender.
     """
+    if out.suffix.lower().startswith(".usd"):
+        from vtkmuscle.io.writing import Outputs
+
+        with Outputs.for_file(out, [source], overwrite=options.overwrite):
+            finished = source.is_dir()
+            result = (
+                vtkmuscle.Result.load(source) if finished else vtkmuscle.Scene.load(source).run(figures=False)
+            )
+            result.write_usd(out, tubes=options.tubes)
+        typer.echo(f"wrote {out}, with {len(result.frames)} frames")
+        return
     from vtkmuscle.opensim import check_model
     from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
 
