@@ -117,6 +117,12 @@ def strain_colours(strain: Floats, limit: float) -> NDArray[np.uint8]:
     return colours_of(0.5 + 0.5 * strain / limit, views.FIBRE_MAP)
 
 
+def strains_of(rest: Floats, lengths: Sequence[Floats]) -> tuple[list[Floats], float]:
+    """Return changes (k,) of lengths (k,) since rest [%], and the limit of their colours."""
+    strains = [100.0 * (now / np.maximum(rest, 1e-12) - 1.0) for now in lengths]
+    return strains, max(1.0, float(np.percentile(np.abs(strains), 98))) if strains else 1.0
+
+
 def fibre_actor(fibres: vtkPolyData, width: float, colours: NDArray[np.uint8] | None = None) -> vtkActor:
     """Return splines through fibre points, shaded as tubes of a width [pixels]."""
     lines = arrays.polylines_from(arrays.polylines_of(fibres, "plotting: fibres"))

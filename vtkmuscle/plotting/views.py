@@ -202,7 +202,8 @@ def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats]) -> V
 def framed(direction: ArrayLike, points: Floats, *, margin: float = 0.12) -> View:
     """Return a view with a tight frame around points (n, 3).
 
-    The direction to the eye is not vertical. The margin is relative to the size of the points; the aspect is between 0.5 and 1.6.
+    The direction to the eye is not vertical. The margin is relative to the size of the points; the aspect is
+    between 0.5 and 1.6.
     """
     axes = axes_of(np.asarray(direction, dtype=np.float64))
     local = points @ axes.T
