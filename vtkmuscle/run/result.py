@@ -234,7 +234,7 @@ class Result(ResultData):
         """
         from vtkmuscle.run.animation import write_usd  # noqa: PLC0415 -- an extra
 
-        write_usd(self.plain(), Path(path), tubes=tubes)
+        write_usd(self, Path(path), tubes=tubes)
         return Path(path)
 
     def write_report(self, path: str | PathLike[str]) -> Path:
