@@ -183,7 +183,7 @@ def _solved(tasks: Sequence[tuple[Any, ...]], client: Any, workers: int) -> Iter
             try:
                 yield jobs[job], job.result()
             except BrokenExecutor:
-                yield jobs[job], [_failed("the process was killed or out of memory; run it again")]
+                yield jobs[job], [_words("the process was killed or out of memory; run it again")]
 
 
 def _rows(file: Path, out: Path | None, options: Mapping[str, Any]) -> list[Row]:
@@ -194,7 +194,7 @@ def _rows(file: Path, out: Path | None, options: Mapping[str, Any]) -> list[Row]
         if result is None:
             result = scene.run(out, **options)
     except (ValueError, OSError, MemoryError) as error:
-        return [_failed(" ".join(str(error).split()) or type(error).__name__, out)]
+        return [_words(" ".join(str(error).split()) or type(error).__name__, out)]
     return [_row(result, name, out) for name in result.muscle_names]
 
 
@@ -207,16 +207,15 @@ def _finished(scene: Scene, out: Path, frames: Any) -> Result | None:
     return Result.load(out)
 
 
-def _failed(message: str, out: Path | None = None) -> Row:
-    values = ("", "failed", message, "" if out is None else out.name)
-    return dict(zip(COLUMNS, values, strict=True))
+def _words(message: str, out: Path | None = None, muscle: str = "", verdict: str = "failed") -> Row:
+    """Return the columns that every row has; by default those of a failed scene."""
+    return dict(zip(COLUMNS, (muscle, verdict, message, "" if out is None else out.name), strict=True))
 
 
 def _row(result: Result, name: str, out: Path | None) -> Row:
     """Return the numbers of a muscle by column."""
     muscle, message = result.report["muscles"][name], "; ".join(result[name].reasons)
-    values = (name, result.verdicts[name], message, "" if out is None else out.name)
-    row: Row = dict(zip(COLUMNS, values, strict=True))
+    row = _words(message, out, name, result.verdicts[name])
     row |= {"frames": len(muscle["frames"]), "seconds": sum(muscle["seconds"].values())}
     row["volume_mm3"] = muscle.get("volume_mm3")
     architecture = muscle.get("architecture", {})

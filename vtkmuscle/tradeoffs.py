@@ -118,7 +118,6 @@ def tradeoff(
     *,
     frames: str | slice | range | int | None = None,
     workers: int | None = 1,
-    client: Any = None,
     progress: Callable[[Sequence[Row]], None] | None = None,
     overwrite: bool = False,
     **settings: Iterable[Any],
@@ -134,7 +133,7 @@ def tradeoff(
     out : path, optional
         Folder for the runs, the table and the figure; finished runs in the folder are read instead of run
         again. Default: no files are kept.
-    frames, client, progress, overwrite
+    frames, progress, overwrite
         As of :func:`vtkmuscle.cohort`.
     workers : int, optional
         Number of processes; runs side by side disturb each other's times.
@@ -171,7 +170,7 @@ def tradeoff(
     options = {"frames": frames, "overwrite": overwrite, "clock": time.process_time, "sense": False}
     with TemporaryDirectory() as temporary:
         folder = Path(temporary if out is None else out)
-        table = run_labelled(labelled, folder, client, workers, progress, options)
+        table = run_labelled(labelled, folder, None, workers, progress, options)
         messages = dict(zip(table["folder"], table["message"], strict=True))
         folders = [folder / folder_name(labels) for labels, _ in labelled]
         # A run that has failed as a whole has no report.

@@ -50,7 +50,6 @@ class CohortOptions:
 
     frames: FramesOption = None
     workers: Annotated[int | None, Option(metavar="N", min=1, help="Processes; default: all cores.")] = None
-    report: Annotated[bool, Option("--report/--no-report", help="Write report.html.")] = False
     fresh: Annotated[bool, Option("--fresh", help="Compute finished muscles again.")] = False
     overwrite: OverwriteOption = False
     quiet: QuietOption = False

@@ -128,7 +128,7 @@ def cohort(
             line = shared.one_line(": ".join(word for word in words if word))
             shared.print_error(line) if failed else shared.say(options.quiet, line)
 
-    names = ("workers", "frames", "report", "fresh", "overwrite")
+    names = ("workers", "frames", "fresh", "overwrite")
     settings = {name: getattr(options, name) for name in names}
     table = vtkmuscle.cohort([str(scene) for scene in scenes], out, progress=show, **settings)
     shared.say(options.quiet, f"wrote {out / 'cohort.csv'}, {len(table['muscle'])} rows")

@@ -109,7 +109,10 @@ class MovingScene:
         self._fibres = {name: studio.line_actor(lines, colours[name]) for name, lines in fibres.items()}
         for actor in chain(self._bones.values(), self._muscles.values(), self._fibres.values()):
             self.plotter.add_actor(actor, reset_camera=False, render=False)
-        self.look(self.view)
+        width, height = size
+        studio.look_from(self.plotter.camera, self.view)
+        self.plotter.camera.parallel_scale *= 1.2 * max(1.0, self.view.aspect * height / width)
+        self.plotter.renderer.ResetCameraClippingRange()
 
     def show(
         self,
@@ -129,13 +132,6 @@ class MovingScene:
                 actor.SetVisibility(name in positions)
                 if name in positions:
                     studio.move_points(actor, positions[name])
-        self.plotter.renderer.ResetCameraClippingRange()
-
-    def look(self, view: View) -> None:
-        """Set the view, in parallel projection."""
-        width, height = self.plotter.window_size
-        studio.look_from(self.plotter.camera, view)
-        self.plotter.camera.parallel_scale *= 1.2 * max(1.0, view.aspect * height / width)
         self.plotter.renderer.ResetCameraClippingRange()
 
 
