@@ -23,6 +23,7 @@ from vtkmuscle.filters import Filter, PathDeformer, PBDDeformer
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.running import upstream
 from vtkmuscle.filters.deformer import read_shape
+from vtkmuscle.io.fibre_table import spread
 from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run.frames import MuscleTrack, RunOptions, WrittenFile
 from vtkmuscle.run.measure import MuscleMeasure
@@ -224,8 +225,9 @@ class MuscleRun:
                     depth = float(np.percentile(arrays.cell_array(fibres, name, "fibres"), 95))
                     row[f"{name.lower()}_p95_mm"] = depth * self.scene.millimetres
             self.track.add_lengths(fibres, self.scene.millimetres)
-            measures = measures_of_fibres(fibres, self.scene.millimetres)
-            self.track.report["fibre_measures"].append({"frame": number, "time": now, **measures})
+            measures = measures_of_fibres(self.track.numbers[-1].columns, self.scene.millimetres)
+            sizes = {name: spread(values) for name, values in measures.items()}
+            self.track.report["fibre_measures"].append({"frame": number, "time": now, **sizes})
         self.track.report["frames"].append(row)
 
     def _judge(self, measure: MuscleMeasure) -> None:

@@ -23,7 +23,7 @@ from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, read_literature
 from vtkmuscle.plotting.views import DrawnBones
 from vtkmuscle.run.frames import MuscleTrack
-from vtkmuscle.run.report_values import architecture_table, fibre_table
+from vtkmuscle.run.report_values import architecture_table, measures_of_fibres
 from vtkmuscle.run.table import COLUMNS, MomentArmTable, Table, optional_package
 from vtkmuscle.scene.data import MILLIMETRES
 
@@ -281,8 +281,10 @@ class ResultData(ByName):
         """Give the measures of the fibres of each muscle. A row per fibre and frame."""
         for name, track in self._tracks.items():
             if track.fibres:
-                columns = [one.columns for one in track.numbers]
-                yield name, fibre_table(columns, self.times, MILLIMETRES[self.units])
+                measures = [measures_of_fibres(n.columns, MILLIMETRES[self.units]) for n in track.numbers]
+                ids = {"fibre": np.arange(len(measures[0]["length_mm"]))}
+                parts = (ids | {"time": t} | own for t, own in zip(self.times, measures, strict=False))
+                yield name, Table.stacked(("fibre", "time", *measures[0]), parts)
 
     def to_csv(self, folder: str | PathLike[str]) -> list[Path]:
         """Write the tables of the result to a folder, and return the .csv files.
