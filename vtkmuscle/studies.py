@@ -6,7 +6,7 @@ import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, as_completed
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from itertools import product
 from os import PathLike
 from pathlib import Path
@@ -147,7 +147,10 @@ def run_labelled(
     outputs = None if out is None else Outputs(Path(out), overwrite=bool(options.get("overwrite")))
     if outputs is not None:
         outputs.check(outputs.folder / "cohort.csv")
-    with _folder(out) as folder:
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(TemporaryDirectory()) if out is None else out)
+        folder.mkdir(parents=True, exist_ok=True)
+        stack.enter_context(locked(folder))
         tasks = []
         for name, (_, scene) in zip(names, labelled, strict=True):
             saved = scene.save(folder / name / "scene") if isinstance(scene, Scene) else Path(scene)
@@ -234,15 +237,3 @@ def folder_name(labels: Mapping[str, Any]) -> str:
     name = ", ".join(map(str, labels.values()))
     readable = re.sub(r"[^A-Za-z0-9.-]+", "_", name).strip("._")[-_LONGEST:]
     return f"{readable}-{hashlib.sha256(name.encode()).hexdigest()[:16]}"
-
-
-@contextmanager
-def _folder(out: str | PathLike[str] | None) -> Iterator[Path]:
-    """Give the held folder of the results."""
-    if out is None:
-        with TemporaryDirectory() as folder:
-            yield Path(folder)
-    else:
-        Path(out).mkdir(parents=True, exist_ok=True)
-        with locked(Path(out)):
-            yield Path(out)

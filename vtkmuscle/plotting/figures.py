@@ -154,8 +154,7 @@ def _with_fixed_points(
     image = studio.picture(actors, view, bones=bones)
     points = studio.picture(actors[:-1], view)
     seen = np.ptp(points, axis=2) > 60  # the white background is grey at the rims of points
-    mixed: NDArray[np.uint8] = np.where(seen[..., None], image // 2 + points // 2, image)
-    return mixed
+    return np.where(seen[..., None], image // 2 + points // 2, image)
 
 
 def _lines(x: Floats, values: Floats, **look: Any) -> LineCollection:
@@ -246,8 +245,7 @@ def positions_across(fibres: vtkPolyData) -> Floats:
     spread = middles - middles.mean(axis=0)
     across = np.linalg.svd(spread - np.outer(spread @ along, along), full_matrices=False)[2][0]
     offsets = spread @ (across * np.sign(across[np.abs(across).argmax()]))
-    positions: Floats = (offsets - offsets.min()) / max(float(np.ptp(offsets)), 1e-12)
-    return positions
+    return np.asarray((offsets - offsets.min()) / max(float(np.ptp(offsets)), 1e-12))
 
 
 def _draw_arms(axes: Axes, joint_arms: JointArms, positions: Floats | None) -> None:

@@ -150,8 +150,7 @@ def fixed_bones(muscle: vtkPolyData) -> Ints:
 
 def colours_of(values: Floats, name: str) -> NDArray[np.uint8]:
     """Return colours (n, 3) of values (n,) from 0 to 1 in a colour map."""
-    colours: NDArray[np.uint8] = colormaps[name](values, bytes=True)[:, :3]
-    return colours
+    return np.asarray(colormaps[name](values, bytes=True)[:, :3])
 
 
 def _with_normals(surface: vtkPolyData, normals: Floats) -> vtkPolyData:

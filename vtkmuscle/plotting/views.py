@@ -88,8 +88,7 @@ def spread_over(points: Floats, triangles: Ints) -> Floats:
     a, b, c = points[triangles[np.minimum(chosen, len(triangles) - 1)].T]
     u, v = np.random.default_rng(0).random((2, SPREAD, 1))
     u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
-    samples: Floats = a + u * (b - a) + v * (c - a)
-    return samples
+    return np.asarray(a + u * (b - a) + v * (c - a))
 
 
 def clustered(points: Floats, triangles: Ints, area: float, wanted: int) -> tuple[Ints, Ints]:

@@ -13,7 +13,7 @@ from multiprocessing import parent_process
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Thread
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from vtkmuscle.core.machine import is_python, processors
 from vtkmuscle.core.mesh.shared import keep_shared
@@ -39,7 +39,7 @@ def pool_size(scene: SceneData, workers: int | None) -> int:
     return min(processors() if workers is None else workers, len(scene.muscles))
 
 
-class Pool:
+class Pool(ExitStack):
     """Processes that solve muscles, and others that draw, until the end of the pool's context.
 
     At most ``size`` solve, and half as many draw, started on demand: a driver that ends a drawing process
@@ -50,21 +50,16 @@ class Pool:
         # VTK's data sets are pickled by this module of VTK. ParaView's VTK lacks it, and uses no pool.
         import vtkmodules.util.pickle_support  # noqa: F401, PLC0415
 
-        context, self._stack = child_context(), ExitStack()
+        super().__init__()
+        context = child_context()
         self._messages, self.checked = context.SimpleQueue(), context.Event()
         self._warned: dict[Any, Any] = {}
         # What is large goes through files: a pipe that nobody reads any more would be written to for ever.
-        self._folder = Path(self._stack.enter_context(TemporaryDirectory()))
+        self._folder = Path(self.enter_context(TemporaryDirectory()))
         given = self._file("run", (run.scene, run.numbers, run.store, run.options.clock, run.only))
         solving, drawing = (given, self._messages, self.checked), (self._folder / "bones", self._messages)
-        self._drawers = self._stack.enter_context(processes(max(size // 2, 1), _begin_drawing, drawing))
-        self._solvers = self._stack.enter_context(processes(size, _begin, solving))
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stack.close()
+        self._drawers = self.enter_context(processes(max(size // 2, 1), _begin_drawing, drawing))
+        self._solvers = self.enter_context(processes(size, _begin, solving))
 
     def solve(self, muscle: str) -> Future[Path]:
         """Solve a muscle in the next free process; the result is for :func:`track_in`."""

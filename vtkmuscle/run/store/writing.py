@@ -231,7 +231,4 @@ class ResultWriter(ResultFolder):
 
     def _stamped(self, data: vtkPolyData) -> vtkPolyData:
         """Return a shallow copy whose field data name the run."""
-        copy = shallow_copy(data)
-        for name, value in zip(STAMPS, self._stamp, strict=True):
-            add_arrays(copy, fields={name: value})
-        return copy
+        return add_arrays(shallow_copy(data), fields=dict(zip(STAMPS, self._stamp, strict=True)))
