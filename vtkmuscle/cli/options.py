@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import signal
 import sys
 import threading
 import warnings
@@ -124,7 +123,7 @@ def one_clear_error(out: Path | None) -> Iterator[None]:
         print_error(f"warning: {one_line(str(message))}", style="yellow")
 
     try:
-        with warnings.catch_warnings(), _interrupts_noted():
+        with warnings.catch_warnings():
             warnings.simplefilter("default", UserWarning)
             warnings.showwarning = show
             if out is not None:
@@ -156,26 +155,10 @@ def _traceback_of(error: BaseException) -> str:
     return f"{words[:500]}; the traceback is in {file}, please report it"
 
 
-@contextmanager
-def _interrupts_noted() -> Iterator[None]:
-    """Note each Ctrl-C until the command ends, in the main thread."""
-    if (
-        threading.current_thread() is not threading.main_thread()
-        or signal.getsignal(signal.SIGINT) is not signal.default_int_handler
-    ):
-        yield
-        return
-
-    def press(*_: Any) -> None:
-        _pressed.set()
-        raise KeyboardInterrupt
-
-    _pressed.clear()
-    signal.signal(signal.SIGINT, press)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+def interrupt(*_: Any) -> None:
+    """Note a Ctrl-C, and stop."""
+    _pressed.set()
+    raise KeyboardInterrupt
 
 
 def stop_if_interrupted() -> None:
