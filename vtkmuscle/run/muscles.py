@@ -225,7 +225,7 @@ class MuscleRun:
                     depth = float(np.percentile(arrays.cell_array(fibres, name, "fibres"), 95))
                     row[f"{name.lower()}_p95_mm"] = depth * self.scene.millimetres
             self.track.add_lengths(fibres, self.scene.millimetres)
-            measures = measures_of_fibres(self.track.numbers[-1].columns, self.scene.millimetres)
+            measures = measures_of_fibres(self.track.numbers[-1][0], self.scene.millimetres)
             sizes = {name: spread(values) for name, values in measures.items()}
             self.track.report["fibre_measures"].append({"frame": number, "time": now, **sizes})
         self.track.report["frames"].append(row)
