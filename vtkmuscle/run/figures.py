@@ -28,7 +28,6 @@ from vtkmuscle.scene.data import SceneData
 if TYPE_CHECKING:
     from vtkmuscle.run.pool import Pool
     from vtkmuscle.run.result import Result
-    from vtkmuscle.run.result_data import ResultData
 
 #: Formats of figures.
 FORMS = ("png", "pdf", "svg")
@@ -188,7 +187,7 @@ def _time_axis(result: Result, name: str, count: int) -> dict[str, Any]:
 
 
 def film_of(
-    result: ResultData, path: Path, *, fps: float, muscles: str | Sequence[str] | None, size: tuple[int, int]
+    result: Result, path: Path, *, fps: float, muscles: str | Sequence[str] | None, size: tuple[int, int]
 ) -> Path:
     """Write a film of all kept frames, all or nothing; see :meth:`vtkmuscle.Result.movie`."""
     from PIL import Image  # noqa: PLC0415 -- matplotlib has it; only films need it
@@ -239,9 +238,7 @@ class ResultDisplay:
     :class:`~vtkmuscle.plotting.plotters.MovingScene`.
     """
 
-    def __init__(
-        self, result: ResultData, muscles: str | Sequence[str] | None = None, **options: Any
-    ) -> None:
+    def __init__(self, result: Result, muscles: str | Sequence[str] | None = None, **options: Any) -> None:
         from vtkmuscle.plotting.plotters import MovingScene  # noqa: PLC0415 -- only pictures need it
 
         self._result = result

@@ -15,6 +15,7 @@ from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import Remedies
 from vtkmuscle.plotting.drawing import html_picture
+from vtkmuscle.run.figures import ResultDisplay, film_of, write_figures
 from vtkmuscle.run.result_data import ResultData
 from vtkmuscle.run.store import ResultFolder
 from vtkmuscle.run.table import html_table
@@ -143,8 +144,6 @@ class Result(ResultData):
         capture it; ``off_screen`` is PyVista's own setting by default. ValueError if there is no such muscle
         or kept frame.
         """
-        from vtkmuscle.run.figures import ResultDisplay  # noqa: PLC0415 -- only pictures need PyVista
-
         position = 0 if frame is None and time is None else self._position(frame, time)
         shown = ResultDisplay(self, muscles, off_screen=off_screen)
         shown.show(position)
@@ -180,8 +179,6 @@ class Result(ResultData):
         RuntimeError
             If no picture can be rendered here.
         """
-        from vtkmuscle.run.figures import film_of  # noqa: PLC0415 -- only pictures need PyVista
-
         return film_of(self, Path(path), fps=fps, muscles=muscles, size=size)
 
     def write_figures(
@@ -208,8 +205,6 @@ class Result(ResultData):
         RuntimeError
             If no picture can be rendered here; nothing is written then.
         """
-        from vtkmuscle.run.figures import write_figures  # noqa: PLC0415 -- only figures need PyVista
-
         return write_figures(Path(folder), self, form=form, dpi=dpi, width=width)
 
     def write_usd(self, path: str | PathLike[str], *, tubes: bool = False) -> Path:
