@@ -15,7 +15,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import Remedies
-from vtkmuscle.io.writing import replacing
+from vtkmuscle.io.writing import replacing, write_text
 from vtkmuscle.plotting.drawing import can_render, html_picture
 from vtkmuscle.run.figures import FORMS, ResultDisplay, drawn, figures_of_muscle, rest_pose_of
 from vtkmuscle.run.result_data import ResultData
@@ -268,11 +268,12 @@ class Result(ResultData):
         The .html file holds all that it shows and needs no network; it is replaced where it exists. Another
         suffix is a ValueError.
         """
-        from vtkmuscle.report import write_page  # noqa: PLC0415 -- only a page needs its parts
+        from vtkmuscle.report import page_of  # noqa: PLC0415 -- only a page needs its parts
 
         if Path(path).suffix.lower() not in (".html", ".htm"):
             raise InputError(str(path), "a report is an HTML page", "end the name in .html")
-        return write_page(path, self)
+        write_text(Path(path), page_of(self))
+        return Path(path)
 
 
 One = TypeVar("One")
