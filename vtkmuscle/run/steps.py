@@ -113,29 +113,12 @@ def run_only(
 ) -> Table | dict[str, list[vtkPolyData]]:
     """Compute the lengths, the moment arms or the surfaces of a scene alone.
 
-    Lengths and moment arms take the paths alone: no muscle is deformed, no fibre is moved and no frame is
-    measured. Surfaces take the deformer without fibres.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene; lengths and moment arms need fibres, surfaces a deformer.
-    what : str
-        ``"lengths"``, ``"moment_arms"`` or ``"surfaces"``.
-    out : path, optional
-        Folder for ``lengths.csv``, ``moment_arms.csv`` or a ``NAME.pvd`` per muscle.
-    frames, workers, progress, overwrite : optional
-        As of :class:`~vtkmuscle.run.RunOptions`.
-
-    Returns
-    -------
-    Table or dict of str to list of vtkPolyData
-        A row per muscle, path and frame [mm]; or the surfaces of muscles in the frames.
-
-    Raises
-    ------
-    ValueError
-        If the output is unknown, a file would be replaced, or a stage cannot run.
+    ``what`` is ``"lengths"`` or ``"moment_arms"``, for a table with a row per muscle, path and frame [mm], or
+    ``"surfaces"``, for the muscles in the frames. Tables take the paths alone: no muscle is deformed, no fibre
+    is moved and no frame is measured. Surfaces take the deformer without fibres. With a folder ``out``,
+    lengths.csv, moment_arms.csv or a NAME.pvd per muscle is written; further options are those of
+    :class:`~vtkmuscle.run.RunOptions`. ValueError if the output is unknown, a file would be replaced, or a
+    stage cannot run.
 
     Examples
     --------
