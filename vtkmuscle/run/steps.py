@@ -114,8 +114,8 @@ def run_only(
     """Compute the lengths, the moment arms or the surfaces of a scene alone.
 
     ``what`` is ``"lengths"`` or ``"moment_arms"``, for a table with a row per muscle, path and frame [mm], or
-    ``"surfaces"``, for the muscles in the frames. Tables take the paths alone: no muscle is deformed, no fibre
-    is moved and no frame is measured. Surfaces take the deformer without fibres. With a folder ``out``,
+    ``"surfaces"``, for the muscles in the frames. Tables take the paths alone: no muscle is deformed, no
+    fibre is moved and no frame is measured. Surfaces take the deformer without fibres. With a folder ``out``,
     lengths.csv, moment_arms.csv or a NAME.pvd per muscle is written; further options are those of
     :class:`~vtkmuscle.run.RunOptions`. ValueError if the output is unknown, a file would be replaced, or a
     stage cannot run.
