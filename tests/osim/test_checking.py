@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from vtkmuscle.cli import app
 from vtkmuscle.joints.functions import IDENTITY, PiecewiseLinear, Polynomial
 from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
-from vtkmuscle.opensim import MuscleOut, check_model, osim_of, read_osim, write_opensim
+from vtkmuscle.opensim import MuscleOut, check_model, export, osim_of, read_osim
 from vtkmuscle.opensim.muscle_paths import Cylinder, PathPoint, PointPath, moment_arm
 
 TREE = KinematicTree(
@@ -65,7 +65,7 @@ def test_a_moment_arm_that_changes_sign_is_found_there(tmp_path):
 
 def test_a_model_is_repaired_with_the_paths_of_a_scene(ran, tmp_path):
     results = ran[0].parent / "results"
-    write_opensim(results, tmp_path / "good.osim")
+    export(results, tmp_path / "good.osim")
     tree = read_osim(tmp_path / "good.osim").tree
     via = PathPoint("middle", (0.05, -0.1, 0.05), only_in=("upper", 0.2, 2.0))
     path = PointPath([PathPoint("proximal", (0, 0.1, 0)), via, PathPoint("distal", (0, -0.1, 0))])

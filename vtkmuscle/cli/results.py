@@ -108,7 +108,7 @@ def check(
     if model.suffix.lower() == ".toml":
         raise InputError(model, "this is no model of OpenSim", "a run checks a scene: vtkmuscle run")
     from vtkmuscle.io.writing import Outputs
-    from vtkmuscle.opensim import check_model, write_opensim
+    from vtkmuscle.opensim import check_model
     from vtkmuscle.opensim.checking import FIBRES_OUTSIDE
 
     repair, scene, replace = options.repair, options.scene, options.replace
@@ -118,9 +118,8 @@ def check(
     pages = Outputs.for_file(page, [model, scene], overwrite=options.overwrite)
     pages.check(page.with_suffix(".csv"))
     if repair is not None and scene is not None:
-        with Outputs.for_file(repair, [model, scene], overwrite=options.overwrite):
-            repaired = write_opensim(scene, repair, into=model, replace=pairs(replace))
-        for new in repaired:
+        theirs, overwrite = pairs(replace), options.overwrite
+        for new in vtkmuscle.export(scene, repair, into=model, replace=theirs, overwrite=overwrite):
             typer.echo(f"{new.out.name}: {new}", err=options.json)
         model = repair
     checked = check_model(model)
