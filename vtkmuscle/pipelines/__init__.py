@@ -1,7 +1,7 @@
 """Ready-made chains of filters for a muscle.
 
-:class:`MusclePipeline` has all stages of a muscle; ``decompose``, ``deform`` and ``pull_taut`` return the
-last filter of a partial chain.
+:class:`MusclePipeline` has all stages of a muscle; ``decompose`` and ``deform`` return the last filter of a
+partial chain.
 """
 
 from __future__ import annotations
@@ -328,44 +328,3 @@ def deform(
     if pipeline.deformer is None:
         raise ValueError("deform: deformer is 'none', but must be 'paths' or 'pbd'")
     return pipeline.deformer
-
-
-def pull_taut(
-    muscle: Any,
-    bones: Any,
-    motion: RigidMotion,
-    fibres: Any,
-    attachments: Any = None,
-    *,
-    fixing: Mapping[str, Any] | None = MappingProxyType({}),
-    **settings: Any,
-) -> TautPaths:
-    """Return the chain that computes taut paths around moving bones.
-
-    Request the output at a time of the motion: ``pull_taut(...).update(time=30.0).output``.
-
-    Parameters
-    ----------
-    muscle, bones, motion, attachments, fixing
-        As of :func:`deform`.
-    fibres : vtkPolyData or algorithm
-        Fibres at rest, as of :func:`decompose`.
-    **settings
-        Parameters of TautPaths.
-
-    Examples
-    --------
-    >>> from vtkmuscle import phantoms
-    >>> from vtkmuscle.pipelines import decompose, pull_taut
-    >>> phantom = phantoms.spindle_over_hinge()
-    >>> muscle, attachments = phantom.muscles["spindle"], phantom.attachments["spindle"]
-    >>> fibres = decompose(muscle, attachments, n_fibres=8)
-    >>> paths = pull_taut(muscle, phantom.bones, phantom.motion, fibres, attachments)
-    >>> paths.update(time=phantom.motion.times[1]).output.GetNumberOfCells()
-    8
-    """
-    pipeline = MusclePipeline(
-        muscle, bones, motion, attachments, deformer="none", fixing=fixing, fibres=fibres, paths=settings
-    )
-    assert pipeline.taut_paths is not None
-    return pipeline.taut_paths
