@@ -131,7 +131,7 @@ def check(
         typer.echo(checked)
         for finding in checked.findings:
             if "jumps" in finding.what:
-                where = ", ".join(f"{name} {value:.4g}" for name, value in finding.shown.items())
+                where = ", ".join(f"{name} {value:.4g}" for name, value in finding.pose.items())
                 typer.echo(f"{finding.muscle}: {finding.what} by {1000.0 * finding.size:.1f} mm at {where}")
         for word, words in (("sign", "moment arms change sign"), ("fibre", FIBRES_OUTSIDE)):
             names = [finding.muscle for finding in checked.findings if word in finding.what]

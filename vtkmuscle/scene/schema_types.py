@@ -24,6 +24,7 @@ from pydantic_core.core_schema import literal_schema
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import quoted, suggestion
+from vtkmuscle.data import toml_table
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.path_deformer import PathDeformer
@@ -31,16 +32,20 @@ from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.filters.taut_paths import TautPaths
 from vtkmuscle.pipelines import FIBRE_SETTINGS, TRANSPORT_SETTINGS
 
+#: By table and key of a scene file: meaning, and an example.
+_KEYS = toml_table("vtkmuscle.scene", "keys.toml")
+
 
 class SchemaTable(BaseModel):
-    """A table of a scene file, with strict types."""
+    """A table of a scene file, with strict types; keys.toml has the meanings of keys."""
 
-    model_config = ConfigDict(extra="forbid", defer_build=True, strict=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", defer_build=True, strict=True)
 
-
-def key(example: Any = None, default: Any = None) -> Any:
-    """Return a table's key with example and default."""
-    return Field(default, examples=None if example is None else [example])
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        for name, (meaning, *examples) in _KEYS.get(cls.__name__, {}).items():
+            cls.model_fields[name].description = meaning
+            cls.model_fields[name].examples = examples
 
 
 class Settings(BaseModel):
@@ -155,42 +160,31 @@ _Range = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2), AfterVa
 class KnotsTable(SchemaTable):
     """Knots of a function."""
 
-    x: _Numbers = key([0.0, 60.0, 120.0], ...)
-    """Values of the coordinate, ascending."""
-    y: _Numbers = key([0.0, 2.0, 5.0], ...)
-    """Values of the function at each x."""
+    x: _Numbers
+    y: _Numbers
 
 
 class Function(SchemaTable):
     """A function of a coordinate, by a single key."""
 
-    polynomial: _Numbers | None = key([0.5, 0.0])
-    """Coefficients of a polynomial, highest power first: [0.5, 0] is half the coordinate."""
+    polynomial: _Numbers | None = None
     spline: KnotsTable | None = None
-    """A cubic spline through knots { x = [...], y = [...] }, straight beyond the knots: OpenSim's
-    SimmSpline."""
 
 
 class JointCoordinateTable(Function):
     """A coordinate of a joint; with a function it follows another coordinate."""
 
-    range: _Range | None = key([0.0, 120.0])
-    """Least and largest value; a motion beyond gives a warning."""
-    rest: FiniteFloat = key(0.0, 0.0)
-    """Value in the rest pose."""
-    positive: Text | None = key("flexion")
-    """The positive direction, in words."""
-    follows: Text | None = key("knee_angle")
-    """The independent coordinate, e.g. the knee's for a patella; polynomial or spline gives the function."""
+    range: _Range | None = None
+    rest: FiniteFloat = 0.0
+    positive: Text | None = None
+    follows: Text | None = None
 
 
 class Axis(Function):
     """A rotation or a translation of a custom joint."""
 
-    axis: Direction = key([1.0, 0.0, 0.0], ...)
-    """Direction, of any length; rotations are right-handed."""
-    coordinate: Text = key("knee_angle", ...)
-    """The independent coordinate."""
+    axis: Direction
+    coordinate: Text
 
 
 _Axes = Annotated[list[Axis], Field(max_length=3)]
@@ -199,69 +193,37 @@ _Axes = Annotated[list[Axis], Field(max_length=3)]
 class JointTable(SchemaTable):
     """A joint between two bones."""
 
-    parent: Text = key("femur", ...)
-    """The fixed bone of the joint."""
-    child: Text = key("tibia", ...)
-    """The moving bone. A bone is the child of at most one joint; a bone without a joint does not move. A body
-    between two joints need not be a bone of the scene."""
-    type: Annotated[str, OneOf(JOINT_KINDS)] = key("pin", ...)
-    """pin turns about an axis; ball about three axes, each carried by earlier axes; weld does not move;
-    custom has rotations and translations."""
-    centre: Triple | None = key([0.0, 0.0, 0.0])
-    """A point on the axes, in the rest pose; translations are relative to the point. Optional for a weld."""
-    axis: Direction | None = key([1.0, 0.0, 0.0])
-    """Axis of a pin; positive angles are right-handed."""
-    axes: Annotated[list[Direction], Field(min_length=3, max_length=3)] | None = key(
-        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-    )
-    """Axes of a ball at coordinates of 0: the first carries the second, both carry the third. Default: x, y
-    and z."""
-    coordinates: Annotated[dict[str, JointCoordinateTable], BeforeValidator(names_or_tables)] | None = key(
-        ["knee_angle"]
-    )
-    """Names of the coordinates: a name for a pin, three for a ball; or a table of coordinates. Angles are in
-    degrees, translations in the scene's unit."""
+    parent: Text
+    child: Text
+    type: Annotated[str, OneOf(JOINT_KINDS)]
+    centre: Triple | None = None
+    axis: Direction | None = None
+    axes: Annotated[list[Direction], Field(min_length=3, max_length=3)] | None = None
+    coordinates: Annotated[dict[str, JointCoordinateTable], BeforeValidator(names_or_tables)] | None = None
     rotations: _Axes | None = None
-    """Of a custom joint, three at most, each carried by earlier rotations: { axis = [0, 0, 1], coordinate =
-    'knee_angle', polynomial = [1.0, 0.0] }. Without a function, the angle is the coordinate [degrees]."""
     translations: _Axes | None = None
-    """Of a custom joint, along axes of the parent, three at most, in the form of rotations [the scene's
-    unit]."""
 
 
 class OpenSimTable(SchemaTable):
     """An OpenSim model with the scene's joints."""
 
-    model: Text = key("leg.osim", ...)
-    """An .osim file of version 3 or 4; OpenSim is not needed."""
+    model: Text
     bodies: dict[str, Text] | None = None
-    """The body of each bone, { femur = 'femur_r' }. Default: the body with the bone's name."""
-    frame: Text | None = key("pelvis")
-    """The body with the scene's frame, in the rest pose. Default: the ground."""
-    fixed: Text | None = key("pelvis")
-    """The fixed body; motion is relative to the fixed body. Default: the ground."""
+    frame: Text | None = None
+    fixed: Text | None = None
     rest: dict[str, FiniteFloat] | None = None
-    """Coordinates in the rest pose, { hip_flexion_r = 1.576 }, in degrees or metres. Default: the model's
-    default values."""
 
 
 class Hill(SchemaTable):
     """Hill's parameters of a muscle, for exports; a run uses two lengths for its architecture."""
 
-    optimal_fibre_length: Positive | None = key(110.0)
-    """Fibre length of largest force, in ``units``."""
-    tendon_slack_length: Positive | None = key(310.0)
-    """Length of the tendon without force, in ``units``."""
-    sarcomere_length: Positive | None = key(2.6)
-    """Mean length of the sarcomeres in the rest pose, always in micrometres."""
-    pennation: Annotated[FiniteFloat, Field(ge=0.0, lt=90.0)] | None = key(12.0)
-    """Angle of the fibres to the tendon at the optimal length, in degrees."""
-    max_isometric_force: Positive | None = key(1100.0)
-    """Greatest force, in newtons. Or give ``pcsa`` and ``specific_tension``."""
-    pcsa: Positive | None = key(18.0)
-    """Physiological cross-sectional area, always in cm^2."""
-    specific_tension: Positive | None = key(61.0)
-    """Force per area, in N/cm^2; there is no default."""
+    optimal_fibre_length: Positive | None = None
+    tendon_slack_length: Positive | None = None
+    sarcomere_length: Positive | None = None
+    pennation: Annotated[FiniteFloat, Field(ge=0.0, lt=90.0)] | None = None
+    max_isometric_force: Positive | None = None
+    pcsa: Positive | None = None
+    specific_tension: Positive | None = None
 
     @model_validator(mode="after")
     def _check(self) -> Hill:
