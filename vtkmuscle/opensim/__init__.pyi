@@ -1,6 +1,6 @@
 from .checking import ModelCheck as ModelCheck, check_model as check_model
 from .export_parts import ExportedMuscle as ExportedMuscle
-from .from_run import export as export
+from .from_run import Export as Export, export as export
 from .mjcf import mjcf_of as mjcf_of
 from .model import (
     MotionFile as MotionFile,

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from dataclasses import replace as with_changes
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
@@ -49,6 +50,38 @@ GEOMETRY_ONLY = "PathActuator"
 MOST_TRIANGLES = 100_000
 
 
+@dataclass(frozen=True)
+class Export:
+    """Options of an export.
+
+    Attributes
+    ----------
+    form : str
+        ``"functions"``: lengths as polynomials of the crossed coordinates (FunctionBasedPath).
+        ``"points"``: points on bones and cylinders, always for MuJoCo.
+    groups : int
+        Largest number of fibre groups per muscle.
+    parameters : mapping of str to mapping
+        OpenSim properties by muscle. Missing properties come from the scene's ``hill``, from the replaced
+        muscle, or from the architecture: fibre length and pennation at rest, with a slack tendon. Each
+        group gets its fibres' share of ``max_isometric_force``.
+    specific_tension : float
+        Force per cross-section [N/cm^2], for forces from the architecture.
+    kind : str
+        Muscle class in OpenSim; ``"PathActuator"`` for paths without muscle properties, and for tendons
+        without actuators.
+    masses : mapping of str to float
+        Masses of bodies in a new model [kg], by default 0, and 0.001 for MuJoCo.
+    """
+
+    form: str = "functions"
+    groups: int = 1
+    parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    specific_tension: float = SPECIFIC_TENSION
+    kind: str = "Millard2012EquilibriumMuscle"
+    masses: Mapping[str, float] = field(default_factory=dict)
+
+
 def export(
     source: str | PathLike[str],
     out: str | PathLike[str],
@@ -57,12 +90,7 @@ def export(
     into: str | PathLike[str] | None = None,
     replace: Mapping[str, str] | None = None,
     overwrite: bool = False,
-    form: str = "functions",
-    groups: int = 1,
-    parameters: Mapping[str, Mapping[str, float]] | None = None,
-    specific_tension: float = SPECIFIC_TENSION,
-    kind: str = "Millard2012EquilibriumMuscle",
-    masses: Mapping[str, float] | None = None,
+    **options: Any,
 ) -> list[ExportedMuscle]:
     """Write the muscles of a scene with joints to OpenSim or MuJoCo.
 
@@ -84,22 +112,8 @@ def export(
         By muscle of the scene: the model's muscle whose name and properties are reused.
     overwrite : bool, optional
         Whether files from elsewhere are replaced; inputs never are.
-    form : str, optional
-        ``"functions"``: lengths as polynomials of the crossed coordinates (FunctionBasedPath).
-        ``"points"``: points on bones and cylinders, always for MuJoCo.
-    groups : int, optional
-        Largest number of fibre groups per muscle.
-    parameters : mapping of str to mapping, optional
-        OpenSim properties by muscle. Missing properties come from the scene's ``hill``, from the replaced
-        muscle, or from the architecture: fibre length and pennation at rest, with a slack tendon. Each
-        group gets its fibres' share of ``max_isometric_force``.
-    specific_tension : float, optional
-        Force per cross-section [N/cm^2], for forces from the architecture.
-    kind : str, optional
-        Muscle class in OpenSim; ``"PathActuator"`` for paths without muscle properties, and for tendons
-        without actuators.
-    masses : mapping of str to float, optional
-        Masses of bodies in a new model [kg], by default 0, and 0.001 for MuJoCo.
+    **options
+        Attributes of :class:`~vtkmuscle.opensim.Export`.
 
     Returns
     -------
@@ -114,13 +128,13 @@ def export(
         joints that MuJoCo lacks, see :func:`~vtkmuscle.opensim.mjcf_of`.
     """
     path, model, names = Path(out), None if into is None else Path(into), dict(replace or {})
-    is_osim, asked = path.suffix.lower() == ".osim", dict(parameters or {})
+    is_osim, asked = path.suffix.lower() == ".osim", Export(**options)
     if not is_osim and path.suffix.lower() != ".xml":
         raise InputError(path, "unknown format of an export", "end its name in .osim or .xml")
     if not is_osim and (model is not None or names):
         raise InputError("into", "muscles are put into models of OpenSim only", "leave it out")
-    if form not in _FORMS:
-        raise InputError("", f"there is no form {form!r}; allowed: {', '.join(_FORMS)}")
+    if asked.form not in _FORMS:
+        raise InputError("", f"there is no form {asked.form!r}; allowed: {', '.join(_FORMS)}")
     if names and model is None:
         raise InputError("replace", "there is no model to replace muscles in", "give the model as into")
     with Outputs.for_file(path, [Path(source), model], overwrite=overwrite):
@@ -129,24 +143,24 @@ def export(
             theirs = checked_model(model)
             reused = {name: theirs.muscle(replaced).parameters for name, replaced in names.items()}
         run = _run_of(Path(source), result)
-        if unknown := sorted({*reused, *asked} - {*run.scene.muscles}):
+        if unknown := sorted({*reused, *asked.parameters} - {*run.scene.muscles}):
             problem = f"the scene has no muscle {unknown[0]!r}"
             raise InputError("", problem, f"its muscles are {', '.join(run.scene.muscles)}")
         muscles: list[ExportedMuscle] = []
         for name in run.result.lengths:
             hill = opensim_properties(run.scene.muscles[name].hill, run.metres)
-            fixed = {**reused.get(name, {}), **hill, **asked.get(name, {})}
-            label, points = names.get(name, name), form == "points" or not is_osim
-            muscles += _exported(run, name, label, fixed, specific_tension, groups, kind, points=points)
+            fixed = {**reused.get(name, {}), **hill, **asked.parameters.get(name, {})}
+            label, points = names.get(name, name), asked.form == "points" or not is_osim
+            muscles += _exported(run, name, label, fixed, asked, points=points)
         outs, tree, name = [muscle.out for muscle in muscles], run.ranged, run.result.name
         if model is not None:
             text = enriched(model, outs, replace=list(names.values()))
         elif is_osim:
-            text = osim_of(tree, outs, name=name, masses=masses, meshes=_write_meshes(run, path.parent))
+            text = osim_of(tree, outs, name=name, masses=asked.masses, meshes=_write_meshes(run, path.parent))
         else:
             meshes = _write_meshes(run, path.parent)
             lengths = {each.name: each.path.lengths(run.tree, run.values) for each in outs}
-            text = mjcf_of(tree, outs, name=name, masses=masses, meshes=meshes, lengths=lengths)
+            text = mjcf_of(tree, outs, name=name, masses=asked.masses, meshes=meshes, lengths=lengths)
         write_text(path, text)
         errors_table(muscles).to_csv(path.with_name(f"{path.stem}_errors.csv"), digits=6)
         return muscles
@@ -173,8 +187,8 @@ class _Run(NamedTuple):
         """The tree with the ranges of the run's poses, beyond which the paths are not fitted."""
         poses = {each: (float(column.min()), float(column.max())) for each, column in self.values.items()}
         moved = {name: span for name, span in poses.items() if name in self.tree.free and span[0] < span[1]}
-        own = [dataclasses.replace(q, range=moved.get(q.name, q.range)) for q in self.tree.coordinates]
-        return dataclasses.replace(self.tree, coordinates=own)
+        own = [with_changes(q, range=moved.get(q.name, q.range)) for q in self.tree.coordinates]
+        return with_changes(self.tree, coordinates=own)
 
 
 def _run_of(source: Path, result: Result | None) -> _Run:
@@ -217,15 +231,7 @@ def _run_of(source: Path, result: Result | None) -> _Run:
 
 
 def _exported(
-    run: _Run,
-    name: str,
-    label: str,
-    fixed: Mapping[str, float],
-    specific_tension: float,
-    groups: int,
-    kind: str,
-    *,
-    points: bool,
+    run: _Run, name: str, label: str, fixed: Mapping[str, float], options: Export, *, points: bool
 ) -> Iterator[ExportedMuscle]:
     """Yield the groups of a muscle as paths, called by a label, with ``fixed`` properties completed."""
     result, tree, values, lengths = run.result, run.tree, run.values, run.result.lengths[name]
@@ -234,7 +240,7 @@ def _exported(
     spans = {each: (column.min(), column.max()) for each, column in values.items()}
     rest = {each: np.clip([tree.coordinate(each).rest], *span) for each, span in spans.items()}
     lines = _lines(run, name) if points else None
-    number_of, arms = group_fibres(lengths, groups), result.moment_arms()[name]
+    number_of, arms = group_fibres(lengths, options.groups), result.moment_arms()[name]
     units = {each: 1000.0 if tree.coordinate(each).is_angle else 1.0 for each in run.crossed[name]}
     for group in range(int(number_of.max()) + 1):
         members = number_of == group
@@ -247,15 +253,16 @@ def _exported(
             line, fitted = lines[:, members].mean(axis=1), (run.ends[name], mean, mean_arms)
             path = fit_points(line, tree, values, *fitted, tolerance=TOLERANCE)
         properties: dict[str, float] = {}
-        if kind != GEOMETRY_ONLY:
+        if options.kind != GEOMETRY_ONLY:
             architecture = result.report["muscles"][name]["architecture"]
             at_rest, share = float(path.lengths(tree, rest)[0]), mean.mean() / lengths.mean() * 1000.0
-            of_path = at_rest, float(share), specific_tension
+            of_path = at_rest, float(share), options.specific_tension
             properties = completed_properties(fixed, architecture, name, *of_path)
             properties["max_isometric_force"] *= members.mean()
         errors = {"length": 1000.0 * (path.lengths(tree, values) - mean)}
         errors |= {q: (moment_arm(path, tree, values, q) - arm) * units[q] for q, arm in mean_arms.items()}
-        out = MuscleOut(label if number_of.max() == 0 else f"{label}_{group + 1}", path, properties, kind)
+        own = label if number_of.max() == 0 else f"{label}_{group + 1}"
+        out = MuscleOut(own, path, properties, options.kind)
         spread = rms(changes - changes.mean(axis=0))
         yield ExportedMuscle(name, out, tuple(np.flatnonzero(members).tolist()), spread, errors)
 
