@@ -19,7 +19,7 @@ from vtkmuscle.io.xml_elements import xml_text
 from vtkmuscle.joints.osim import FURTHER, NOT_USED, OFFSET
 from vtkmuscle.joints.tree import JointCoordinate
 from vtkmuscle.opensim.model import OsimModel, read_osim
-from vtkmuscle.opensim.muscle_paths import STEP, PointPath
+from vtkmuscle.opensim.muscle_paths import STEP, Posed
 from vtkmuscle.opensim.osim_text import model_tree
 from vtkmuscle.report.page import Section, shown_rows, svg_curve, write_sections
 from vtkmuscle.run.table import Table
@@ -319,20 +319,12 @@ def _halved(
 
 def _own(model: OsimModel) -> Lengths:
     """Return the function that computes lengths here."""
-    tree = model.tree
-    ranges = {coordinate.name: coordinate.range for coordinate in tree.coordinates}
 
     def lengths(muscles: Sequence[str], values: Mapping[str, Floats]) -> dict[str, Floats]:
-        full = tree.completed(values)
         paths = {name: model.paths[name].path for name in muscles}
         points = [point for path in paths.values() for point in getattr(path, "points", ())]
-        poses = tree.poses(full, {point.body for point in points})
-        return {
-            name: path.lengths_at(poses, full, full, ranges)
-            if isinstance(path, PointPath)
-            else path.lengths(tree, full)
-            for name, path in paths.items()
-        }
+        at = Posed.of(model.tree, values, {point.body for point in points})
+        return {name: path.lengths_at(at) for name, path in paths.items()}
 
     return lengths
 

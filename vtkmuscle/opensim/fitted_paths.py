@@ -20,6 +20,7 @@ from vtkmuscle.opensim.muscle_paths import (
     FunctionPath,
     PathPoint,
     PointPath,
+    Posed,
     powers,
     terms,
 )
@@ -196,12 +197,11 @@ class _Search:
         self.targets = np.concatenate([lengths, *(halves[name] * arm for name, arm in arms.items())])
         moves = [{}, *({name: sign * STEP} for name in arms for sign in (-1.0, 1.0))]
         moved = {q: np.concatenate([full[q] + move.get(q, 0.0) for move in moves]) for q in tree.free}
-        self.full = tree.completed(moved)
-        self.poses = tree.poses(self.full)
+        self.at = Posed.of(tree, moved)
 
     def off(self, path: PointPath) -> Floats:
         """Return the errors of lengths and scaled moment arms [m]."""
-        lengths = path.lengths_at(self.poses, self.full, self.full, {}).reshape(-1, self.frames)
+        lengths = path.lengths_at(self.at).reshape(-1, self.frames)
         arms = (lengths[1::2] - lengths[2::2]) / (2.0 * STEP)
         return np.asarray(np.append(lengths[0], self.halves[:, None] * arms) - self.targets)
 
@@ -211,9 +211,9 @@ class _Search:
 
     def flips(self, path: PointPath) -> bool:
         """Return whether a path takes both sides of a cylinder: its moment arm jumps."""
-        points = path.positions(self.poses, self.full, {})
+        points = path.positions(self.at)
         for each in path.cylinders:
-            sides = each.segments(self.poses[each.body], *points[each.after : each.after + 2])[1]
+            sides = each.segments(self.at.bodies[each.body], *points[each.after : each.after + 2])[1]
             if sides.min() < 0.0 < sides.max():
                 return True
         return False

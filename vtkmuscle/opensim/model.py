@@ -13,7 +13,7 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.xml_elements import Element, last_part, of_kind, read_xml
-from vtkmuscle.joints.functions import function_in
+from vtkmuscle.joints.functions import OSIM, function_in
 from vtkmuscle.joints.osim import (
     FURTHER,
     NOT_USED,
@@ -30,13 +30,7 @@ from vtkmuscle.joints.tree import KinematicTree
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, powers
 
 __all__ = ["BodyMesh", "MotionFile", "OsimModel", "checked_model", "read_motion_file", "read_osim"]
-#: Passive forces along a path.
-LIGAMENTS = ("Ligament", "Blankevoort1991Ligament", "PathSpring")
-#: Muscle properties that are read.
-PARAMETERS = (
-    *("max_isometric_force", "optimal_fiber_length", "tendon_slack_length"),
-    *("pennation_angle_at_optimal", "max_contraction_velocity"),
-)
+_FORCES = OSIM["forces"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +121,7 @@ def read_osim(path: str | PathLike[str]) -> OsimModel:
     parts = ((tag, part) for tag in (*NOT_USED, *FURTHER) for part in model.within(tag))
     not_used += [f"{tag}: {part}" for tag, part in parts if part.tag != OFFSET]
     markers = tuple(marker.name for marker in of_kind("Marker", model.within("MarkerSet")))
-    ligaments = {name: each for name, each in paths.items() if each.kind in LIGAMENTS}
+    ligaments = {name: each for name, each in paths.items() if each.kind in _FORCES["ligaments"]}
     muscles = {name: each for name, each in paths.items() if name not in ligaments}
     return OsimModel(model.name, tree, markers, muscles, tuple(meshes), joint_of, tuple(not_used), ligaments)
 
@@ -179,8 +173,8 @@ def _muscle(element: Element, frames: Frames) -> OsimMuscle | None:
         path = _point_path(geometry, frames)
     elif geometry.tag == "FunctionBasedPath":
         path = _function_path(geometry)
-    parameters = {name: element.number(name, 0.0) for name in PARAMETERS if element.find(name) is not None}
-    return OsimMuscle(element.name, path, parameters, element.tag)
+    there = (name for name in _FORCES["properties"] if element.find(name) is not None)
+    return OsimMuscle(element.name, path, {name: element.number(name, 0.0) for name in there}, element.tag)
 
 
 def _point_path(element: Element, frames: Frames) -> PointPath:
@@ -192,12 +186,9 @@ def _point_path(element: Element, frames: Frames) -> PointPath:
     return PointPath(points, [wrap.word("wrap_object") or wrap.name for wrap in wraps])
 
 
-_POINTS = ("PathPoint", "ConditionalPathPoint", "MovingPathPoint")
-
-
 def _point(element: Element, frames: Frames) -> PathPoint:
-    if element.tag not in _POINTS:
-        raise element.error("this kind of path point is not supported", f"supported: {', '.join(_POINTS)}")
+    if element.tag not in (supported := _FORCES["points"]):
+        raise element.error("this kind of path point is not supported", f"supported: {', '.join(supported)}")
     if element.tag == "PathPoint":
         return PathPoint(*point_on(element, frames))
     if element.tag == "ConditionalPathPoint":
