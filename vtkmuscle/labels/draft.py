@@ -18,7 +18,7 @@ from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.data.anatomy import plain_name, side_of
 from vtkmuscle.data.arrays import checked_surface, points_of, with_points
 from vtkmuscle.data.attachments import ROLES, VIA, AttachmentArea
-from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
+from vtkmuscle.filters.attachment_estimator import NEAR
 from vtkmuscle.io import read_landmarks, read_surface
 from vtkmuscle.io.csv_table import write_rows
 from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, stated_frame
@@ -27,6 +27,7 @@ from vtkmuscle.labels import guesses as guessing
 from vtkmuscle.labels.reading import kind_of
 from vtkmuscle.scene.checks import closed_surface
 from vtkmuscle.scene.data import MILLIMETRES
+from vtkmuscle.scene.reading import areas_in_contact
 from vtkmuscle.scene.writing import inline_toml, write_areas
 
 #: Fibres of each muscle.
@@ -110,12 +111,10 @@ class Draft:
         if not missing:
             return
         bones = self.candidate_bones(muscle)
-        bodies = {bone: (guessing.moving_chain(bone, self.joints) or [""])[0] for bone in bones}  # "": rests
-        groups = [[bone for bone in bones if bodies[bone] == body] for body in dict.fromkeys(bodies.values())]
-        areas = estimated_areas(self.muscles[muscle], bones, within=self.within, bodies=groups, **named)
-        depth = {area.role: len(guessing.moving_chain(area.bone, self.joints)) for area in areas}
-        if not named and depth["origin"] > depth["insertion"]:
-            areas = [replace(area, role=ROLES[area.role == ROLES[0]]) for area in areas]
+        chains = {bone: guessing.moving_chain(bone, self.joints) for bone in bones}
+        bodies = {bone: chain[0] if chain else "" for bone, chain in chains.items()}  # "" rests
+        depths = {bone: len(chain) for bone, chain in chains.items()}
+        areas = areas_in_contact(self.muscles[muscle], bones, bodies, depths, within=self.within, **named)
         used = [*digitised, *(area for area in areas if area.role in missing)]
         if len({bodies[area.bone] for area in used}) < 2:
             rigid = " and ".join(sorted({area.bone for area in used}))

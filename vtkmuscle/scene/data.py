@@ -278,10 +278,10 @@ def parsed(path: Path) -> dict[str, Any]:
 
 
 class SceneFiles:
-    """Paths of a scene's files by dotted key; texts are relative to the scene file's folder."""
+    """Paths of a scene's files by dotted key, relative to the scene file, and faults of the files."""
 
     def __init__(self, path: Path) -> None:
-        self.paths = {"": path}
+        self.paths, self.faults = {"": path}, Faults()
 
     def read(self, key: str, text: str, reader: Callable[[Path], T]) -> T:
         """Read the file of a key by a reader; SceneError if unreadable."""
@@ -289,3 +289,11 @@ class SceneFiles:
         self.paths[key] = path
         with errors_at(key, path, f"check {key.rpartition('.')[2]} = {text!r} and the file it names"):
             return reader(path)
+
+    def tried(self, key: str, text: str | None, reader: Callable[[Path], T]) -> T | None:
+        """Read as :meth:`read`, if there is a text; gather the fault of an unreadable file."""
+        content = None
+        if text is not None:
+            with self.faults.gathered():
+                content = self.read(key, text, reader)
+        return content
