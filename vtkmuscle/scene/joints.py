@@ -123,11 +123,10 @@ class SceneJoints:
         Moment arms are defined for `coordinates`; by default for all coordinates with values that move a bone
         relative to another bone or the fixed body. Angles of the motion are in degrees.
         """
-        tree = self.tree
-        free = tree.crossed([*self.bodies.values(), self.fixed])
-        chosen = [name for name in free if name in values] if coordinates is None else coordinates
-        full = tree.completed(values)
-        kinds = {name: tree.coordinate(name) for name in chosen}
+        tree, full = self.tree, self.tree.completed(values)
+        if coordinates is None:
+            crossed = tree.crossed([*self.bodies.values(), self.fixed])
+            coordinates = [name for name in crossed if name in values]
         rest = tree.poses({})
         placed = rest[self.frame][0]
         back = inverses(placed[None])[0]
@@ -141,30 +140,28 @@ class SceneJoints:
                 for bone, body in self.bodies.items()
             }
 
-        joints = {joint.child: joint for joint in tree.joints}
+        def coordinate(name: str) -> Coordinate:
+            """Return a coordinate with each bone's twist per radian or millimetre."""
+            kind, twists = tree.coordinate(name), None
+            if name in tree.free:
+                own = {free: full[free] for free in tree.free}
+                low, high = (moved({**own, name: own[name] + step}) for step in (-_STEP, _STEP))
+                step = 2.0 * _STEP * (1.0 if kind.is_angle else TRANSLATIONS[kind.unit])
+                twists = {bone: screws(high[bone] @ inverses(low[bone])) / step for bone in self.bodies}
+            if kind.is_angle:
+                return Coordinate(np.degrees(full[name]), "deg", kind.positive, twists)
+            return Coordinate(full[name], kind.unit, kind.positive, twists)
+
         negligible = 1e-12 * max(1.0, float(np.abs(placed[:3, 3]).max()))
-        every = moved(full)
-        moving = [bone for bone in every if np.abs(every[bone] - np.eye(4)).max() > negligible]
-        transforms, centres = {bone: every[bone] for bone in moving}, {}
-        for bone, body in ((bone, self.bodies[bone]) for bone in moving if self.bodies[bone] in joints):
-            centres[bone] = (back @ rest[body][0] @ joints[body].child_frame)[:3, 3]
-        own = {name: full[name] for name in tree.free}
-
-        def twists(name: str, factor: float) -> dict[str, Floats] | None:
-            """Return each bone's twist per radian or millimetre."""
-            if name not in own:
-                return None
-            low, high = (moved({**own, name: own[name] + step}) for step in (-_STEP, _STEP))
-            step = 2.0 * _STEP * factor
-            return {bone: screws(high[bone] @ inverses(low[bone])) / step for bone in self.bodies}
-
-        coordinates_of_motion = {
-            name: Coordinate(np.degrees(full[name]), "deg", kind.positive, twists(name, 1.0))
-            if kind.is_angle
-            else Coordinate(full[name], kind.unit, kind.positive, twists(name, TRANSLATIONS[kind.unit]))
-            for name, kind in kinds.items()
+        poses = moved(full).items()
+        moving = {bone: table for bone, table in poses if np.abs(table - np.eye(4)).max() > negligible}
+        joints = {joint.child: joint for joint in tree.joints}
+        centres = {
+            bone: (back @ rest[body][0] @ joints[body].child_frame)[:3, 3]
+            for bone, body in self.bodies.items()
+            if bone in moving and body in joints
         }
-        return RigidMotion(times, transforms, centres, coordinates_of_motion)
+        return RigidMotion(times, moving, centres, {name: coordinate(name) for name in coordinates})
 
 
 def joints_of(table: SceneTable, files: SceneFiles) -> SceneJoints | None:
