@@ -58,7 +58,7 @@ class Muscle:
     aponeuroses : sequence of Aponeurosis, or vtkMultiBlockDataSet
         End surfaces of fibres, on or within the muscle, at rest; without any, the attachment areas.
     hill : mapping of str to float
-        Hill's parameters, by the names of :class:`~vtkmuscle.scene.schema_types.Hill`; exports write them.
+        Hill's parameters, by the names of :class:`~vtkmuscle.scene.schema.Hill`; exports write them.
     muscle : str
         Name of the muscle in anatomy, for published numbers; by default the name in the scene.
     """

@@ -23,8 +23,16 @@ from vtkmuscle.joints.functions import IDENTITY, CoordinateFunction, CubicSpline
 from vtkmuscle.joints.osim import read_motion_file, read_tree
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.scene.data import MILLIMETRES, Faults, SceneError, SceneFiles, errors_at
-from vtkmuscle.scene.schema import ALONE, MOST_FRAMES, Motion, SceneTable
-from vtkmuscle.scene.schema_types import Axis, Function, JointTable, OpenSimTable
+from vtkmuscle.scene.schema import (
+    ALONE,
+    MOST_FRAMES,
+    Axis,
+    Function,
+    JointTable,
+    Motion,
+    OpenSimTable,
+    SceneTable,
+)
 
 
 def motion_from(scene: SceneTable, files: SceneFiles, joints: SceneJoints | None) -> RigidMotion:

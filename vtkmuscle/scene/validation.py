@@ -18,8 +18,22 @@ from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.taut_paths import PATH_PRESETS
 from vtkmuscle.pipelines import DEFORMERS
 from vtkmuscle.scene.data import Faults, SceneError
-from vtkmuscle.scene.schema import ALONE, ESTIMATE, TABLES, Estimate, Motion, MuscleTable, SceneTable
-from vtkmuscle.scene.schema_types import JOINT_KINDS, Fibres, Fixing, Function, JointTable, Paths, Solver
+from vtkmuscle.scene.schema import (
+    ALONE,
+    ESTIMATE,
+    JOINT_KINDS,
+    TABLES,
+    Estimate,
+    Fibres,
+    Fixing,
+    Function,
+    JointTable,
+    Motion,
+    MuscleTable,
+    Paths,
+    SceneTable,
+    Solver,
+)
 from vtkmuscle.scene.writing import inline_toml
 
 #: File names of a run besides the muscles' names.
