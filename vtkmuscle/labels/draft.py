@@ -23,7 +23,7 @@ from vtkmuscle.io import read_landmarks, read_surface
 from vtkmuscle.io.csv_table import write_rows
 from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, stated_frame
 from vtkmuscle.io.writing import write_polydata, write_text
-from vtkmuscle.labels import guesses as guessing
+from vtkmuscle.labels.guesses import FACING, LEFT_OUT, Guess, guessed_joints, moving_chain, table_of
 from vtkmuscle.labels.reading import kind_of
 from vtkmuscle.scene.checks import closed_surface
 from vtkmuscle.scene.data import MILLIMETRES
@@ -63,7 +63,7 @@ class Draft:
     surfaces: dict[str, str] = field(default_factory=dict)
     within: float = NEAR
     scale: float = 1.0
-    guesses: list[guessing.Guess] = field(default_factory=list)
+    guesses: list[Guess] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
     loose: dict[str, vtkPolyData] = field(default_factory=dict)
     joints: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -73,8 +73,7 @@ class Draft:
 
     def complete(self) -> None:
         """Guess joints and missing areas; leave out muscles without areas."""
-        depth = guessing.FACING * self.scale
-        self.joints, self.sweep, guesses = guessing.guessed_joints(self.bones, self.frame, depth)
+        self.joints, self.sweep, guesses = guessed_joints(self.bones, self.frame, FACING * self.scale)
         self.guesses += guesses
         if not self.sweep:
             named = f"the bones are {', '.join(self.bones) or 'none'}"
@@ -91,12 +90,16 @@ class Draft:
             problem = "; ".join(f"{muscle}: {why}" for muscle, why in self.left_out.items())
             self.lacks = f"no muscle can be made: {problem or 'there is none'}; {GIVE}"
 
+    def guess(self, what: str, value: str, confidence: float, why: str) -> None:
+        """Note a guess for a key of the scene."""
+        self.guesses.append(Guess(what, value, confidence, why))
+
     def leave_out(self, muscle: str, why: str) -> None:
         """Remove a muscle from the scene, and note the reason."""
         self.left_out[muscle] = why
         if muscle in self.muscles:
             self.loose[muscle] = self.muscles.pop(muscle)
-        self.guesses.append(guessing.Guess(f"muscles.{muscle}", guessing.LEFT_OUT, 0.0, why))
+        self.guess(f"muscles.{muscle}", LEFT_OUT, 0.0, why)
 
     def candidate_bones(self, muscle: str) -> dict[str, vtkPolyData]:
         """Return the bones on a muscle's side of the body."""
@@ -111,7 +114,7 @@ class Draft:
         if not missing:
             return
         bones = self.candidate_bones(muscle)
-        chains = {bone: guessing.moving_chain(bone, self.joints) for bone in bones}
+        chains = {bone: moving_chain(bone, self.joints) for bone in bones}
         bodies = {bone: chain[0] if chain else "" for bone, chain in chains.items()}  # "" rests
         depths = {bone: len(chain) for bone, chain in chains.items()}
         areas = areas_in_contact(self.muscles[muscle], bones, bodies, depths, within=self.within, **named)
@@ -124,8 +127,7 @@ class Draft:
             on = ", ".join(dict.fromkeys(area.bone for area in ends))
             confidence = min(area.confidence or 0.0 for area in ends)
             why = f"{role} on {on}, in contact with the muscle's end"
-            key = f"muscles.{muscle}.attachments"
-            self.guesses.append(guessing.Guess(key, f"{role}: {on}", confidence, why))
+            self.guess(f"muscles.{muscle}.attachments", f"{role}: {on}", confidence, why)
         self.areas[muscle] = used
 
     def write(self, out: Path) -> Path:
@@ -168,7 +170,7 @@ class Draft:
         for name, muscle in self.loose.items():
             written(f"muscles/{name}.vtp", muscle)
         text += ["\n", *(f"# {what}: {note[2:]}" for what, lines in notes.items() for note in lines)]
-        write_rows(out / "guesses.csv", guessing.table_of(self.guesses))
+        write_rows(out / "guesses.csv", table_of(self.guesses))
         write_rows(out / "volumes.csv", [VOLUMES, *self._volumes()])
         write_text(out / "scene.toml", "".join(text))
         return out / "scene.toml"
@@ -237,15 +239,14 @@ def draft_of_files(
             problem = f"the header says {header}, but the frame is {frame}"
             raise InputError(file, problem, f"use --frame {header}")
         meshes[name] = kind, read_surface(file)
-        confidence, why = 1.0 if name in stated else 0.8, f"a {kind} by its name, {file.name}"
-        draft.guesses.append(guessing.Guess(f"{kind}s.{name}", kind, confidence, why))
+        confidence = 1.0 if name in stated else 0.8
+        draft.guess(f"{kind}s.{name}", kind, confidence, f"a {kind} by its name, {file.name}")
         draft.surfaces[f"{kind}s/{name}.vtp"] = Path(relpath(file, out)).as_posix()
     if not meshes:
         raise InputError("", "there is no surface of a bone or a muscle", "give mesh files")
     longest = float(max(np.ptp(points_of(mesh), axis=0).max() for _, mesh in meshes.values()))
     draft.units, confidence = likely_unit(longest)
-    why = f"the longest side of all surfaces is {longest:.4g}"
-    draft.guesses.append(guessing.Guess("units", draft.units, confidence, why))
+    draft.guess("units", draft.units, confidence, f"the longest side of all surfaces is {longest:.4g}")
     scale = MILLIMETRES[draft.units]
     for name, (kind, mesh) in meshes.items():
         getattr(draft, f"{kind}s")[name] = with_points(mesh, scale * points_of(mesh))
@@ -257,7 +258,7 @@ def draft_of_files(
             continue
         if turned:
             why = "the surface is inside out; a run turns its triangles"
-            draft.guesses.append(guessing.Guess(f"muscles.{name}.surface", "turned", 0.9, why))
+            draft.guess(f"muscles.{name}.surface", "turned", 0.9, why)
     draft.scale = scale_of([*draft.bones.values(), *draft.muscles.values()])
     draft.within *= draft.scale
     add_landmarks(draft, landmarks, scale=scale)
@@ -300,13 +301,12 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
         if not named:
             sure = 1.0 - min(1.0, gaps[bone] / gaps[further[0]]) if further else 1.0
             why = f"{role} on {bone!r}, {gaps[bone]:.1f} mm from the landmarks in {file.name}"
-            draft.guesses.append(guessing.Guess(key, f"{role}: {bone}", sure, why))
+            draft.guess(key, f"{role}: {bone}", sure, why)
         if not closed and len(points) > 3:
             steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
             gap = float(np.linalg.norm(points[-1] - points[0]) / max(float(np.median(steps)), 1e-9))
             closed = gap <= RING_GAP or role == VIA
             why = f"{role}: the last landmark is {gap:.1f} median steps from the first"
-            confidence = min(1.0, abs(gap - RING_GAP))
             shape = "a ring" if closed else "an open curve"
-            draft.guesses.append(guessing.Guess(key, shape, confidence, why))
+            draft.guess(key, shape, min(1.0, abs(gap - RING_GAP)), why)
         draft.areas.setdefault(muscle, []).append(AttachmentArea(role, bone, points, closed, False, sure))
