@@ -104,14 +104,17 @@ def informations_of(kind: type[Filter]) -> dict[str, Element]:
     """
     declared = kind.parameter_declarations
     preset = {name for each in declared.values() for group in each.sets.values() for name in group}
-    kinds = {
-        name: (f"{name}_in_effect", _VECTORS[each.kind]) for name, each in declared.items() if name in preset
-    }
-    kinds |= {each.listed: (each.listed, "String") for each in declared.values() if each.listed is not None}
-    return {
-        attribute: _named(f"{kind}VectorProperty", camel_case(name), "Get", information_only="1")
-        for attribute, (name, kind) in kinds.items()
-    }
+    elements: dict[str, Element] = {}
+    for name, parameter in declared.items():
+        if name in preset:
+            elements[name] = _information(f"{name}_in_effect", _VECTORS[parameter.kind])
+        if parameter.listed is not None:
+            elements[parameter.listed] = _information(parameter.listed, "String")
+    return elements
+
+
+def _information(attribute: str, kind: str) -> Element:
+    return _named(f"{kind}VectorProperty", camel_case(attribute), "Get", information_only="1")
 
 
 def _named(tag: str, name: str, verb: str, **more: str) -> Element:
