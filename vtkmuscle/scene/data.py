@@ -16,6 +16,7 @@ from vtkmuscle.core.errors import MOST_TEXT, InputError, check_is_file, fault_of
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.core.words import quoted
+from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import checked_surface, multiblock_from
 from vtkmuscle.data.attachments import (
     Aponeurosis,
@@ -174,6 +175,15 @@ class Anatomy:
     def solid_bones(self) -> dict[str, Bone]:
         """Bones with an inside, holes closed."""
         return {name: bone for name, bone in self.bones.items() if bone.solids.trees}
+
+
+_WORDS = toml_table("vtkmuscle.scene", "faults.toml")
+
+
+def words_of(fault: str, **values: object) -> tuple[str, str]:
+    """Return the problem and the remedy of a fault in words."""
+    problem, remedy = (words.format(**values) for words in _WORDS[fault])
+    return problem, remedy
 
 
 class SceneError(InputError):
