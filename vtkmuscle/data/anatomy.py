@@ -95,16 +95,10 @@ def _words(name: str) -> frozenset[str]:
 def published(muscle: str, quantity: str = "", coordinate: str = "") -> Published | None:
     """Return the published range of a muscle's quantity, None if unknown.
 
-    Parameters
-    ----------
-    muscle : str
-        Name in any of the usual forms: ``"semimem_r"``, ``"Semimembranosus left"``; the range of a whole
-        muscle includes its heads and parts.
-    quantity : str, optional
-        ``"moment_arm"``, ``"fibre_length"``, ``"pennation"``, ``"pcsa"``, ``"greatest_force"``,
-        ``"fibre_to_path"`` or ``"path_length"``; by default any.
-    coordinate : str, optional
-        As in the table: ``"knee_flexion"``.
+    ``muscle`` is a name in any of the usual forms: ``"semimem_r"``, ``"Semimembranosus left"``; the range of
+    a whole muscle includes its heads and parts. ``quantity`` is ``"moment_arm"``, ``"fibre_length"``,
+    ``"pennation"``, ``"pcsa"``, ``"greatest_force"``, ``"fibre_to_path"`` or ``"path_length"``, by default
+    any; ``coordinate`` is as in the table: ``"knee_flexion"``.
 
     Examples
     --------

@@ -250,13 +250,8 @@ class MotionFile:
         """Return the values (f,) of a tree's coordinates.
 
         Angles are in radians, translations as in the file. The label of a column is the coordinate's name,
-        or its path (``/jointset/knee_r/knee_angle_r/value``); further columns are ignored.
-
-        Raises
-        ------
-        ValueError
-            If no column is a coordinate, two columns are the same coordinate, or the unit of angles is
-            unknown.
+        or its path (``/jointset/knee_r/knee_angle_r/value``); further columns are ignored. ValueError if no
+        column is a coordinate, two columns are the same coordinate, or the unit of angles is unknown.
         """
         kinds = {coordinate.name: coordinate for coordinate in tree.coordinates}
         result: dict[str, Floats] = {}

@@ -41,14 +41,6 @@ def fit_length(lengths: Floats, values: Columns, arms: Columns | None = None) ->
     arms are fitted by the polynomial's derivatives, weighted by half the coordinate's range: few poses of a
     grid suffice. The order is the lowest whose held-out error is within 5 % of the best. If no coordinate
     changes, or poses are too few for order 1, a ValueError is raised.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.opensim.fitted_paths import fit_length
-    >>> knee = np.linspace(0.0, 2.0, 30)
-    >>> fit_length(0.3 - 0.04 * knee + 0.01 * knee**2, {"knee": knee}).order
-    2
     """
     moving = {name: column for name, column in values.items() if np.ptp(column) > 1e-9}
     if not moving:

@@ -147,10 +147,8 @@ class MusclePipeline:
 
     Parameters
     ----------
-    surface : vtkPolyData or algorithm
-        Closed surface of triangles, in the rest pose.
-    bones : vtkMultiBlockDataSet or algorithm
-        Named blocks, in the rest pose.
+    surface, bones : vtkPolyData, vtkMultiBlockDataSet, or algorithms
+        Closed surface of triangles, and named blocks, in the rest pose.
     motion : RigidMotion
         Motion of the bones.
     attachments : vtkMultiBlockDataSet or algorithm, optional
@@ -181,16 +179,13 @@ class MusclePipeline:
     ----------
     fixed : FixedPointDetector, vtkPolyData or algorithm
         The muscle at rest with the point array ``FixedTo``: the surface itself if ``fixing`` is None.
-    rest_paths : vtkPolyData, algorithm or None
-        Lines between bones at rest.
-    fibres : vtkPolyData, algorithm or None
-        Fibres at rest: between the aponeuroses if present, else the paths.
+    rest_paths, fibres : vtkPolyData, algorithm or None
+        Lines between bones, and fibres, at rest: between the aponeuroses if present, else the paths.
     moving : BoneMotion
         The bones in motion.
-    taut_paths : TautPaths or None
-        The paths in motion; None for ``deformer="pbd"`` without ``paths``.
-    deformer : PathDeformer, PBDDeformer or None
-        The muscle in motion; None for ``deformer="none"``.
+    taut_paths, deformer : TautPaths, PathDeformer, PBDDeformer or None
+        The paths in motion, None for ``deformer="pbd"`` without ``paths``; and the muscle in motion, None for
+        ``deformer="none"``.
     metrics : FibreMetrics or None
         The fibres in motion with their measures; None without fibres. With ``deformer="none"`` the paths.
 

@@ -166,12 +166,6 @@ class Anatomy:
         return cls(bones, {name: RestSurface(*surface) for name, surface in surfaces.items()})
 
     @property
-    def surfaces(self) -> dict[str, Bone | RestSurface]:
-        """All surfaces, by their keys in a scene."""
-        bones: dict[str, Bone | RestSurface] = {f"bones.{name}.surface": b for name, b in self.bones.items()}
-        return bones | {f"muscles.{name}.surface": muscle for name, muscle in self.muscles.items()}
-
-    @property
     def solid_bones(self) -> dict[str, Bone]:
         """Bones with an inside, holes closed."""
         return {name: bone for name, bone in self.bones.items() if bone.solids.trees}

@@ -76,8 +76,10 @@ def _position(point: Any) -> str:
 
 
 def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
-    longest = max(float(np.ptp(surface.points, axis=0).max()) for surface in anatomy.surfaces.values())
-    offset = max(float(np.abs(surface.points).max()) for surface in anatomy.surfaces.values())
+    clouds = [bone.points for bone in anatomy.bones.values()]
+    clouds += [muscle.points for muscle in anatomy.muscles.values()]
+    longest = max(float(np.ptp(points, axis=0).max()) for points in clouds)
+    offset = max(float(np.abs(points).max()) for points in clouds)
     if offset > _CHECKS["far_from_origin"]["sizes"] * longest > 0.0:
         yield _finding("far_from_origin", "", certain=True, offset=offset, units=units)
     volumes = {name: abs(signed_volume(*surface)) for name, surface in anatomy.muscles.items()}
