@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,6 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.opensim.fitted_paths import rms
 from vtkmuscle.opensim.muscle_paths import FunctionPath
 from vtkmuscle.opensim.osim_text import MuscleOut
-from vtkmuscle.run.table import Table
 
 #: Default force per physiological cross-section [N/cm^2]: Rajagopal et al. 2016,
 #: doi:10.1109/TBME.2016.2586891.
@@ -101,10 +100,3 @@ class ExportedMuscle:
         sizes = [f"{of} {rms(off):.2g} (max {np.abs(off).max():.2g})" for of, off in self.errors.items()]
         listed = ", ".join([*sizes, f"group {self.group_error:.2g}"])
         return f"{len(self.fibres)} fibres as {what}; errors in mm: {listed}"
-
-
-def errors_table(muscles: Sequence[ExportedMuscle]) -> Table:
-    """Return path errors, a row per muscle and length or coordinate."""
-    errors = [(muscle.out.name, *item) for muscle in muscles for item in muscle.errors.items()]
-    rows = ((*of, rms(off), float(np.abs(off).max()), float(off.mean())) for *of, off in errors)
-    return Table(("muscle", "of", "rms_mm", "largest_mm", "mean_mm"), rows)

@@ -21,20 +21,15 @@ from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.io import write_text
 from vtkmuscle.io.writing import Outputs, file_digest, write_with
 from vtkmuscle.joints.tree import KinematicTree
-from vtkmuscle.opensim.export_parts import (
-    FOLDER,
-    SPECIFIC_TENSION,
-    ExportedMuscle,
-    completed_properties,
-    errors_table,
-    opensim_properties,
-)
+from vtkmuscle.opensim import export_parts as parts
+from vtkmuscle.opensim.export_parts import ExportedMuscle
 from vtkmuscle.opensim.fitted_paths import fit_length, fit_points, rms
 from vtkmuscle.opensim.mjcf import mjcf_of
 from vtkmuscle.opensim.model import checked_model
 from vtkmuscle.opensim.muscle_paths import MusclePath, moment_arm
 from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
 from vtkmuscle.run.result import Result
+from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import MILLIMETRES, SceneError, SceneFiles, parsed
 from vtkmuscle.scene.joints import SceneJoints, coordinate_values, joints_of, pin_joint_of
 from vtkmuscle.scene.validation import validated
@@ -77,7 +72,7 @@ class Export:
     form: str = "functions"
     groups: int = 1
     parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    specific_tension: float = SPECIFIC_TENSION
+    specific_tension: float = parts.SPECIFIC_TENSION
     kind: str = "Millard2012EquilibriumMuscle"
     masses: Mapping[str, float] = field(default_factory=dict)
 
@@ -148,7 +143,7 @@ def export(
             raise InputError("", problem, f"its muscles are {', '.join(run.scene.muscles)}")
         muscles: list[ExportedMuscle] = []
         for name in run.result.lengths:
-            hill = opensim_properties(run.scene.muscles[name].hill, run.metres)
+            hill = parts.opensim_properties(run.scene.muscles[name].hill, run.metres)
             fixed = {**reused.get(name, {}), **hill, **asked.parameters.get(name, {})}
             label, points = names.get(name, name), asked.form == "points" or not is_osim
             muscles += _exported(run, name, label, fixed, asked, points=points)
@@ -162,7 +157,10 @@ def export(
             lengths = {each.name: each.path.lengths(run.tree, run.values) for each in outs}
             text = mjcf_of(tree, outs, name=name, masses=asked.masses, meshes=meshes, lengths=lengths)
         write_text(path, text)
-        errors_table(muscles).to_csv(path.with_name(f"{path.stem}_errors.csv"), digits=6)
+        errors = [(each.out.name, *item) for each in muscles for item in each.errors.items()]
+        rows = [(*of, rms(off), float(np.abs(off).max()), float(off.mean())) for *of, off in errors]
+        table = Table(("muscle", "of", "rms_mm", "largest_mm", "mean_mm"), rows)
+        table.to_csv(path.with_name(f"{path.stem}_errors.csv"), digits=6)
         return muscles
 
 
@@ -257,7 +255,7 @@ def _exported(
             architecture = result.report["muscles"][name]["architecture"]
             at_rest, share = float(path.lengths(tree, rest)[0]), mean.mean() / lengths.mean() * 1000.0
             of_path = at_rest, float(share), options.specific_tension
-            properties = completed_properties(fixed, architecture, name, *of_path)
+            properties = parts.completed_properties(fixed, architecture, name, *of_path)
             properties["max_isometric_force"] *= members.mean()
         errors = {"length": 1000.0 * (path.lengths(tree, values) - mean)}
         errors |= {q: (moment_arm(path, tree, values, q) - arm) * units[q] for q, arm in mean_arms.items()}
@@ -294,6 +292,6 @@ def _write_meshes(run: _Run, folder: Path) -> dict[str, list[str]]:
         moved = with_points(mesh, apply_transform(placed, run.metres * points_of(mesh)))
         writer = vtkSTLWriter(input_data=moved, header="vtkmuscle, metres")
         writer.SetFileTypeToBinary()
-        write_with(writer, folder / FOLDER / f"{name}.stl")
+        write_with(writer, folder / parts.FOLDER / f"{name}.stl")
         names.setdefault(body, []).append(name)
     return names

@@ -12,6 +12,7 @@ from typing import Any
 
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.words import suggestion
+from vtkmuscle.data import toml_table
 from vtkmuscle.filters.base import Filter, Parameter
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.deformer import PRESETS
@@ -35,16 +36,8 @@ _FILTERS: tuple[type[Filter], ...] = (
 FIBRE_SETTINGS: dict[str, Parameter[Any]] = {
     name: declared for kind in _FILTERS for name, declared in kind.parameter_declarations.items()
 }
-#: Settings of published fibres: planes, maps, ends and smoothing of Kohout et al. 2012 as printed, with
-#: the axis between the centroids; and slices along isolines of a harmonic function (Kohout and Kukacka 2014),
-#: also used by Kohout and Cervenka 2021. Both leave parts of the muscle empty.
-PUBLISHED_FIBRES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
-    {
-        "kohout2012": {"axis": "attachments", "angle_step": 5.0, "method": "plane", "continuity": 0.0}
-        | {"end_rule": "closest", "smoothing_weight": 4.0, "spreading": 0.0},
-        "kohout2014": {"method": "harmonic", "spreading": 0.0},
-    }
-)
+#: Settings of published fibres, by publication.
+PUBLISHED_FIBRES: Mapping[str, Mapping[str, Any]] = toml_table("vtkmuscle.pipelines", "published.toml")
 
 
 def decompose(

@@ -22,20 +22,11 @@ from vtkmuscle.joints import grid_of, steps_of
 from vtkmuscle.joints.functions import IDENTITY, CoordinateFunction, CubicSpline, Polynomial
 from vtkmuscle.joints.osim import read_motion_file, read_tree
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.scene import schema
 from vtkmuscle.scene.data import MILLIMETRES, Faults, SceneError, SceneFiles, errors_at
-from vtkmuscle.scene.schema import (
-    ALONE,
-    MOST_FRAMES,
-    Axis,
-    Function,
-    JointTable,
-    Motion,
-    OpenSimTable,
-    SceneTable,
-)
 
 
-def motion_from(scene: SceneTable, files: SceneFiles, joints: SceneJoints | None) -> RigidMotion:
+def motion_from(scene: schema.SceneTable, files: SceneFiles, joints: SceneJoints | None) -> RigidMotion:
     """Return a scene's motion; SceneError for unreadable or inconsistent tables."""
     table = scene.motion
     if joints is not None:
@@ -46,16 +37,16 @@ def motion_from(scene: SceneTable, files: SceneFiles, joints: SceneJoints | None
     if table.coordinates is not None:
         columns = {name: kind.model_dump(exclude_unset=True) for name, kind in table.coordinates.items()}
     centres, transforms = table.centre or {}, table.transforms or {}
-    if ALONE in transforms:
+    if schema.ALONE in transforms:
         bone = str(table.bone)
-        centre = centres.get(ALONE, centres.get(bone))
+        centre = centres.get(schema.ALONE, centres.get(bone))
         read = partial(read_motion_table, bone=bone, time=table.time, centre=centre, coordinates=columns)
-        return files.read("motion.transforms", transforms[ALONE], read)
+        return files.read("motion.transforms", transforms[schema.ALONE], read)
     return _of_several(table, columns, files)
 
 
 def _of_several(
-    table: Motion, columns: Mapping[str, Mapping[str, str]] | None, files: SceneFiles
+    table: schema.Motion, columns: Mapping[str, Mapping[str, str]] | None, files: SceneFiles
 ) -> RigidMotion:
     """Return the motion of bones with a table each."""
     motions: list[RigidMotion] = []
@@ -66,7 +57,7 @@ def _of_several(
         present = motion_columns(path)
         seen.update(present)
         own = columns and {name: kind for name, kind in columns.items() if name in present}
-        centre = centres.get(ALONE, centres.get(bone))
+        centre = centres.get(schema.ALONE, centres.get(bone))
         return read_motion_table(path, bone, time=table.time, centre=centre, coordinates=own)
 
     for bone, text in (table.transforms or {}).items():
@@ -112,7 +103,7 @@ class SceneJoints:
         """Return the free coordinates that move bones relative to each other."""
         return self.tree.crossed([self.bodies[bone] for bone in bones])
 
-    def motion(self, table: SceneTable, files: SceneFiles) -> RigidMotion:
+    def motion(self, table: schema.SceneTable, files: SceneFiles) -> RigidMotion:
         """Return the bones' motion by the scene's file or grid of coordinates."""
         times, values = coordinate_values(table, self.tree, files)
         key = _key(table)
@@ -172,7 +163,7 @@ class SceneJoints:
         return RigidMotion(times, moving, centres, {name: coordinate(name) for name in coordinates})
 
 
-def joints_of(table: SceneTable, files: SceneFiles) -> SceneJoints | None:
+def joints_of(table: schema.SceneTable, files: SceneFiles) -> SceneJoints | None:
     """Return a scene's joints, None without joints; SceneError if the joints form no tree."""
     if table.opensim is not None:
         return _of_opensim(table.opensim, table, files)
@@ -241,7 +232,7 @@ def pin_joint_of(
 
 
 def coordinate_values(
-    table: SceneTable, tree: KinematicTree, files: SceneFiles
+    table: schema.SceneTable, tree: KinematicTree, files: SceneFiles
 ) -> tuple[Floats, dict[str, Floats]]:
     """Return times (f,) and coordinate values (f,) of a scene's motion."""
     motion, key = table.motion, _key(table)
@@ -258,14 +249,14 @@ def coordinate_values(
         if name not in tree.free:
             raise SceneError(f"{name!r} follows another coordinate", f"{key}.{name}", "remove the key", where)
     count = int(np.prod([len(column) for column in grid.values()]))
-    if count > MOST_FRAMES:
+    if count > schema.MOST_FRAMES:
         raise SceneError(f"the grid has {count} poses", key, "choose larger steps", where)
     values = grid_of({name: column * _unit(tree, name) for name, column in grid.items()})
     times = next(iter(grid.values())) if len(grid) == 1 else np.arange(float(count))
     return times, values
 
 
-def _key(table: SceneTable) -> str:
+def _key(table: schema.SceneTable) -> str:
     return "motion.file" if table.motion.file is not None else "motion.grid"
 
 
@@ -287,7 +278,7 @@ def _warn_of_ranges(values: Mapping[str, Floats], tree: KinematicTree, key: str,
             warnings.warn(words, stacklevel=4)
 
 
-def _of_opensim(table: OpenSimTable, scene: SceneTable, files: SceneFiles) -> SceneJoints:
+def _of_opensim(table: schema.OpenSimTable, scene: schema.SceneTable, files: SceneFiles) -> SceneJoints:
     tree = files.read("opensim.model", table.model, read_tree)
     where = files.paths[""]
     body_names = table.bodies or {}
@@ -308,7 +299,7 @@ def _of_opensim(table: OpenSimTable, scene: SceneTable, files: SceneFiles) -> Sc
     return SceneJoints(tree, bodies, frame, fixed)
 
 
-def _factors(joints: Mapping[str, JointTable]) -> dict[str, float]:
+def _factors(joints: Mapping[str, schema.JointTable]) -> dict[str, float]:
     """Return radians per degree for angles, 1 for pure translations."""
     factors: dict[str, float] = {}
     for joint in joints.values():
@@ -318,7 +309,7 @@ def _factors(joints: Mapping[str, JointTable]) -> dict[str, float]:
     return factors
 
 
-def _joint(name: str, joint: JointTable, factors: Mapping[str, float]) -> Joint:
+def _joint(name: str, joint: schema.JointTable, factors: Mapping[str, float]) -> Joint:
     frame = frame_at(joint.centre or (0.0, 0.0, 0.0))
     names = list(joint.coordinates or {})
     rotations: list[JointAxis] = []
@@ -330,12 +321,12 @@ def _joint(name: str, joint: JointTable, factors: Mapping[str, float]) -> Joint:
     return Joint(name, joint.parent, joint.child, rotations, translations, frame, frame, joint.type)
 
 
-def _axis(axis: Axis, factors: Mapping[str, float], result: float) -> JointAxis:
+def _axis(axis: schema.Axis, factors: Mapping[str, float], result: float) -> JointAxis:
     function = _function(axis).rescaled(factors[axis.coordinate], result)
     return JointAxis(np.array(axis.axis), function, axis.coordinate)
 
 
-def _function(table: Function) -> CoordinateFunction:
+def _function(table: schema.Function) -> CoordinateFunction:
     """Return a function of a scene, in the scene's units."""
     if table.spline is not None:
         return CubicSpline(np.array(table.spline.x), np.array(table.spline.y))

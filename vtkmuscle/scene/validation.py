@@ -17,33 +17,19 @@ from vtkmuscle.data.attachments import ROLES, VIA
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.taut_paths import PATH_PRESETS
 from vtkmuscle.pipelines import DEFORMERS
+from vtkmuscle.scene import schema
 from vtkmuscle.scene.data import Faults, SceneError, words_of
-from vtkmuscle.scene.schema import (
-    ALONE,
-    ESTIMATE,
-    JOINT_KINDS,
-    TABLES,
-    Estimate,
-    Fibres,
-    Fixing,
-    Function,
-    JointTable,
-    Motion,
-    MuscleTable,
-    Paths,
-    SceneTable,
-    Solver,
-)
 from vtkmuscle.scene.writing import inline_toml
 
 #: File names of a run besides the muscles' names.
 _RESERVED = ("bones", "figures", "finished", "scene")
 
 #: The fields of all tables by name, for examples.
-_FIELDS = {name: field for table in TABLES for name, field in table.model_fields.items()}
+_FIELDS = {name: field for table in schema.TABLES for name, field in table.model_fields.items()}
 
 #: All names of keys, for hints.
-_NAMES = sorted({*_FIELDS, *(name for kind in (Solver, Paths, Fixing, Fibres) for name in kind.model_fields)})
+_SETTINGS = (schema.Solver, schema.Paths, schema.Fixing, schema.Fibres)
+_NAMES = sorted({*_FIELDS, *(name for kind in _SETTINGS for name in kind.model_fields)})
 
 #: Key, problem and remedy.
 _Fault = tuple[str, str, str]
@@ -53,10 +39,10 @@ def _fault(fault: str, key: str, **values: object) -> _Fault:
     return key, *words_of(fault, **values)
 
 
-def validated(values: Mapping[str, Any], file: Path | None) -> SceneTable:
+def validated(values: Mapping[str, Any], file: Path | None) -> schema.SceneTable:
     """Return the checked tables of a scene file; SceneError with a fault for each key at fault."""
     try:
-        table = SceneTable.model_validate(values)
+        table = schema.SceneTable.model_validate(values)
     except ValidationError as error:
         faults = _faults_in_words(error.errors(include_url=False))
     else:
@@ -68,7 +54,7 @@ def validated(values: Mapping[str, Any], file: Path | None) -> SceneTable:
 def _faults_in_words(errors: list[ErrorDetails]) -> Iterator[_Fault]:
     """Yield key, problem and remedy of pydantic's errors, unknown keys first."""
     for error in sorted(errors, key=lambda error: (error["type"] != "extra_forbidden", len(error["loc"]))):
-        path = [part for part in error["loc"] if part not in ("[key]", ALONE)]
+        path = [part for part in error["loc"] if part not in ("[key]", schema.ALONE)]
         key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
         name = [part for part in path if isinstance(part, str)][-1]
         yield (key.removeprefix("."), *_problem_and_remedy(error, name))
@@ -97,7 +83,7 @@ def _problem_and_remedy(error: ErrorDetails, name: str) -> tuple[str, str]:
     return problem + (f", not {quoted(error['input'])}" if "must be" in problem else ""), remedy
 
 
-def _conflicts(scene: SceneTable) -> Iterator[_Fault]:
+def _conflicts(scene: schema.SceneTable) -> Iterator[_Fault]:
     """Yield the faults of keys that are valid alone, but not together."""
     for kind, names in (("bones", list(scene.bones)), ("muscles", list(scene.muscles))):
         if not names:
@@ -125,7 +111,7 @@ def _unknown_bone(key: str, bone: str, bones: Collection[str]) -> Iterator[_Faul
         yield _fault("no_bone", key, bone=quoted(bone), remedy=suggestion(bone, bones))
 
 
-def _of_muscle(name: str, scene: SceneTable) -> Iterator[_Fault]:
+def _of_muscle(name: str, scene: schema.SceneTable) -> Iterator[_Fault]:
     key, muscle, folded = f"muscles.{name}", scene.muscles[name], name.casefold()
     taken = {muscle_name.casefold() for muscle_name in scene.muscles} - {folded}
     if folded in _RESERVED or folded.removesuffix("_fibres") in taken:
@@ -139,8 +125,8 @@ def _of_muscle(name: str, scene: SceneTable) -> Iterator[_Fault]:
     yield from _of_attachments(f"{key}.attachments", muscle, scene)
 
 
-def _of_attachments(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterator[_Fault]:
-    if isinstance(muscle.attachments, Estimate):
+def _of_attachments(key: str, muscle: schema.MuscleTable, scene: schema.SceneTable) -> Iterator[_Fault]:
+    if isinstance(muscle.attachments, schema.Estimate):
         for bone in muscle.attachments.bones:
             yield from _unknown_bone(key, bone, scene.bones)
         return
@@ -152,7 +138,7 @@ def _of_attachments(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterato
     alone = ROLES[:1] if method == "attachment" and not roles else ()  # a muscle without fibres needs one
     for role in alone if muscle.fibres is None else ROLES:
         if role not in roles:
-            more = "" if roles else f', or write attachments = "{ESTIMATE}" (from contact with the bones)'
+            more = "" if roles else ', or write attachments = "estimate" (from contact with the bones)'
             more += "" if muscle.fibres is None else ", or leave out fibres"
             yield _fault("no_role", key, role=role, more=more)
 
@@ -166,10 +152,10 @@ _MOTIONS = {
 }
 
 
-def _of_motion(scene: SceneTable) -> Iterator[_Fault]:
+def _of_motion(scene: schema.SceneTable) -> Iterator[_Fault]:
     motion = scene.motion
     jointed = bool(scene.joints) or scene.opensim is not None
-    present = [name for name in Motion.model_fields if name in motion.model_fields_set]
+    present = [name for name in schema.Motion.model_fields if name in motion.model_fields_set]
     kind = next((name for name in _MOTIONS if name in present), None)
     if jointed and kind not in ("file", "grid"):
         yield _fault("joints_without_motion", "motion")
@@ -187,7 +173,7 @@ def _of_motion(scene: SceneTable) -> Iterator[_Fault]:
         yield from _unknown_bone("motion.hinge.bone", motion.hinge.bone, scene.bones)
     elif motion.transforms is None:
         return
-    elif ALONE not in motion.transforms:
+    elif schema.ALONE not in motion.transforms:
         if motion.bone is not None:
             yield _fault("bone_and_bones", "motion.bone")
         for bone in motion.transforms:
@@ -201,7 +187,7 @@ def _of_motion(scene: SceneTable) -> Iterator[_Fault]:
 _FUNCTIONS = ("polynomial", "spline")
 
 
-def _of_joints(scene: SceneTable) -> Iterator[_Fault]:
+def _of_joints(scene: schema.SceneTable) -> Iterator[_Fault]:
     if scene.joints and scene.opensim is not None:
         yield _fault("combined", "opensim", other="[joints.NAME]")
     joints = scene.joints.values()
@@ -220,8 +206,8 @@ def _of_joints(scene: SceneTable) -> Iterator[_Fault]:
         yield from _of_functions(key, joint, coordinates)
 
 
-def _of_kind(key: str, joint: JointTable) -> Iterator[_Fault]:
-    kind, (wanted, needed, optional) = joint.type, JOINT_KINDS[joint.type]
+def _of_kind(key: str, joint: schema.JointTable) -> Iterator[_Fault]:
+    kind, (wanted, needed, optional) = joint.type, schema.JOINT_KINDS[joint.type]
     for name in ("centre", "axis", "axes", "coordinates", "rotations", "translations"):
         missing = getattr(joint, name) is None
         if missing and name in needed:
@@ -237,7 +223,7 @@ def _of_kind(key: str, joint: JointTable) -> Iterator[_Fault]:
         yield _fault("empty_joint", f"{key}.rotations")
 
 
-def _of_functions(key: str, joint: JointTable, coordinates: list[str]) -> Iterator[_Fault]:
+def _of_functions(key: str, joint: schema.JointTable, coordinates: list[str]) -> Iterator[_Fault]:
     for name, entry in (joint.coordinates or {}).items():
         where = f"{key}.coordinates.{name}"
         if len(_functions(entry)) != (entry.follows is not None):
@@ -256,5 +242,5 @@ def _of_functions(key: str, joint: JointTable, coordinates: list[str]) -> Iterat
                 yield _fault("two_functions", where)
 
 
-def _functions(table: Function) -> list[str]:
+def _functions(table: schema.Function) -> list[str]:
     return [name for name in _FUNCTIONS if getattr(table, name) is not None]
