@@ -57,8 +57,11 @@ def pelvis(head_radius: float = HEAD_RADIUS) -> Solid:
 def sacrum() -> Solid:
     """Return the sacrum: wide above, bent backward, narrow below."""
     shape = SHAPES["sacrum"]
+    rows = np.array(shape["half_widths"])[:, None, None] * np.array(shape["side"])
+    knots = np.array(shape["middle"])[:, None] + rows
+    ala = thick_sheet(knots, np.outer(shape["half_thickness"], shape["across"]))
     first_body = thick_curve(*shape["first_body"]).beside((86, 56, 104), (0, -0.4, 1), 5.0)
-    return union([thick_sheet(*shape["ala"]), first_body, thick_curve(*shape["spines"])], 12.0)
+    return union([ala, first_body, thick_curve(*shape["spines"])], 12.0)
 
 
 def femur(head_radius: float = HEAD_RADIUS) -> Solid:
