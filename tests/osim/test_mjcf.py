@@ -6,7 +6,7 @@ from legs import leg
 
 from vtkmuscle.joints.functions import IDENTITY, CubicSpline, Polynomial
 from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
-from vtkmuscle.opensim import MuscleOut, mjcf_of
+from vtkmuscle.opensim import MuscleOut, check_model, mjcf_of, read_mjcf
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, moment_arm
 
 PATH = PointPath(
@@ -75,3 +75,100 @@ def test_splines_are_refused():
     joints = [Joint("a", "g", "b", [JointAxis((0, 0, 1), IDENTITY, "q"), spline])]
     with pytest.raises(ValueError, match="CubicSpline"):
         mjcf_of(KinematicTree("g", joints, [JointCoordinate("q")]))
+
+
+#: Two joints on a body, a slide, a ball, a free body, and rotated frames, with rests other than zero.
+MANY = """<mujoco model="many"><compiler angle="radian" autolimits="true"/><worldbody>
+  <site name="a" pos="0.1 0.2 0"/>
+  <body name="one" pos="0 0.5 0.1" quat="0.9 0.1 0.3 0.2">
+    <joint name="flexion" axis="0 0 1" pos="0.01 0.02 0" range="-1 1"/>
+    <joint name="turn" axis="0 1 1" pos="0 0.03 0" range="-1 1" ref="0.2"/>
+    <geom name="round" type="cylinder" size="0.02 0.1"/><site name="b" pos="0.03 0.01 0"/>
+    <body name="two" pos="0.1 0.4 0" euler="0.2 0.1 0.4">
+      <joint name="glide" type="slide" axis="1 0.2 0" range="-0.1 0.1"/><joint name="follows" axis="1 0 0"/>
+      <geom size="0.01"/><site name="c" pos="0.03 0.2 0.1"/>
+    </body></body>
+  <body name="three" pos="1 0 0"><joint name="ball" type="ball"/><geom size="0.01"/><site name="d"/></body>
+  <body name="four" pos="2 0 0"><freejoint name="loose"/><geom size="0.01"/></body></worldbody>
+  <equality><joint joint1="follows" joint2="turn" polycoef="0.1 0.5 0.2 0 0"/></equality>
+  <tendon><spatial name="long"><site site="a"/><geom geom="round"/><site site="b"/><site site="c"/></spatial>
+    <spatial name="passive"><site site="a"/><site site="d"/></spatial>
+    <fixed name="sum"><joint joint="turn" coef="1"/></fixed></tendon>
+  <actuator><muscle name="m" tendon="long" lengthrange="0.5 0.9" range="0.75 1.05" force="100"/>
+    <motor name="motor" joint="turn"/></actuator></mujoco>"""
+
+
+@pytest.fixture
+def many(tmp_path):
+    pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
+    (tmp_path / "many.xml").write_text(MANY)
+    return read_mjcf(tmp_path / "many.xml")
+
+
+def test_a_read_model_moves_as_in_mujoco(many, rng):
+    mujoco = pytest.importorskip("mujoco")
+    assert many.tree.free == ("flexion", "turn", "glide", "ball", "loose")
+    values = {name: rng.uniform(-0.1, 0.1, 4) for name in ("flexion", "turn", "glide")}
+    poses, full, data = many.tree.poses(values), many.tree.completed(values), mujoco.MjData(many.compiled)
+    lengths = many.lengths(["m", "passive"], values)
+    for row in range(4):
+        for name in ("flexion", "turn", "glide", "follows"):
+            data.joint(name).qpos[0] = full[name][row]
+        mujoco.mj_forward(many.compiled, data)
+        for body in ("one", "two", "three", "four"):
+            np.testing.assert_allclose(poses[body][row, :3, 3], data.body(body).xpos, atol=1e-12)
+            np.testing.assert_allclose(poses[body][row, :3, :3].ravel(), data.body(body).xmat, atol=1e-12)
+        assert lengths["m"][row] == pytest.approx(data.tendon("long").length[0], abs=1e-12)
+    # The equality is kept, as by MuJoCo's residual.
+    assert np.abs(full["follows"] - np.polyval([0.2, 0.5, 0.1], full["turn"] - 0.2)).max() < 1e-12
+
+
+@pytest.mark.optional
+def test_a_read_model_has_muscles_ligaments_and_what_is_left_out(many):
+    assert (list(many.muscles), list(many.ligaments)) == (["m"], ["passive"])
+    assert many.not_used == ("actuator motor", "tendon sum")
+    assert many.muscles["m"].path.coordinates(many.tree) == ("flexion", "turn", "glide")
+    assert many.ligaments["passive"].path.coordinates(many.tree) == ("ball",)
+    hill = many.muscles["m"].parameters  # 0.4 m are 0.3 optimal lengths, from 0.75 on
+    assert hill["optimal_fiber_length"] == pytest.approx(4.0 / 3.0)
+    assert hill["tendon_slack_length"] == pytest.approx(0.5 - 1.0)
+    assert hill["max_isometric_force"] == 100.0
+
+
+def test_a_written_model_is_read_with_the_same_lengths(tmp_path, rng):
+    pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
+    tree = leg()
+    (tmp_path / "leg.xml").write_text(mjcf_of(tree, [MuscleOut("vastus", PATH)]))
+    model = read_mjcf(tmp_path / "leg.xml")
+    assert set(tree.free) <= set(model.tree.free)
+    values = {name: rng.uniform(-0.8, 0.8, 5) for name in tree.free}
+    own = model.lengths(["vastus"], values)["vastus"]
+    np.testing.assert_allclose(own, PATH.lengths(tree, values), atol=1e-9)
+
+
+FLIP = """<mujoco model="arm"><compiler angle="radian" autolimits="true"/><worldbody>
+  <site name="a" pos="-0.15 0 0"/>
+  <body><joint name="shoulder" axis="0 0 1" range="0 2.1"/>
+    <geom name="round" type="cylinder" size="0.1 0.05"/>
+    <site name="b" pos="0.15 -0.06 0"/></body></worldbody>
+  <tendon><spatial name="t"><site site="a"/><geom geom="round"/><site site="b"/></spatial>
+  </tendon><actuator><muscle name="extensor" tendon="t"/></actuator></mujoco>"""
+
+
+def test_a_muscle_of_mujoco_that_flips_over_a_cylinder_is_found(tmp_path):
+    pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
+    (tmp_path / "arm.xml").write_text(FLIP)
+    jump = check_model(tmp_path / "arm.xml").findings[0]
+    assert (jump.muscle, jump.coordinate, jump.what) == ("extensor", "shoulder", "moment arm jumps")
+    # The shorter side changes where the end is opposite of the start, from the radius to minus the radius.
+    assert jump.pose["shoulder"] == pytest.approx(np.arctan(0.06 / 0.15), abs=1e-3)
+    assert jump.size == pytest.approx(0.2, rel=1e-3)
+
+
+def test_a_broken_model_of_mujoco_names_its_file(tmp_path):
+    pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
+    (tmp_path / "arm.xml").write_text(FLIP.replace('geom geom="round"', 'geom geom="square"'))
+    with pytest.raises(ValueError, match=r"arm\.xml: MuJoCo does not read the model: .*square"):
+        read_mjcf(tmp_path / "arm.xml")
+    with pytest.raises(FileNotFoundError, match="missing"):
+        read_mjcf(tmp_path / "missing.xml")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from json import dumps
 from math import inf
 from pathlib import Path
@@ -18,6 +19,7 @@ from vtkmuscle.core.errors import InputError
 
 if TYPE_CHECKING:
     from vtkmuscle.labels.draft import Draft
+    from vtkmuscle.opensim.checking import ModelCheck
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,21 +33,35 @@ class ExportOptions:
     specific_tension: Annotated[float, Option(help="Force per cross-section, in N/cm^2.")] = 60.0
     mass: Annotated[list[str] | None, Option(metavar="BODY=KG", help="Mass of a new body.")] = None
     geometry_only: Annotated[bool, Option("--geometry-only", help="Paths alone.")] = False
+    tubes: Annotated[bool, Option("--tubes", help="For USD: fibres as meshes of tubes.")] = False
     overwrite: shared.OverwriteOption = False
 
 
 @shared.with_options
 def export(
     source: Annotated[Path, Argument(help="Folder of a run's results, or a scene.toml.")],
-    out: Annotated[Path, Argument(help=".osim, or .xml for MuJoCo.")],
+    out: Annotated[Path, Argument(help=".osim; .xml for MuJoCo; .usd, .usdc or .usda for an animation.")],
     *,
     options: ExportOptions,
 ) -> None:
-    """Export the muscles of a scene with joints to OpenSim or MuJoCo.
+    """Export the muscles of a scene with joints to OpenSim or MuJoCo, or a run's frames to USD.
 
     The source is a folder of results, or a scene, which is run first. Differences of lengths and moment arms
-    from the run are printed and written.
+    from the run are printed and written. The written model is checked, as by ``check``. An animation of USD
+    has bones, muscles and fibres, for Blender.
     """
+    if out.suffix.lower().startswith(".usd"):
+        from vtkmuscle.io.writing import Outputs
+
+        with Outputs.for_file(out, [source], overwrite=options.overwrite):
+            finished = source.is_dir()
+            result = (
+                vtkmuscle.Result.load(source) if finished else vtkmuscle.Scene.load(source).run(figures=False)
+            )
+            result.write_usd(out, tubes=options.tubes)
+        typer.echo(f"wrote {out}, with {len(result.frames)} frames")
+        return
+    from vtkmuscle.opensim import check_model
     from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
 
     names = ["into", "overwrite", "groups", "specific_tension", *["form"] * (out.suffix.lower() == ".osim")]
@@ -57,6 +73,24 @@ def export(
         if parameters := muscle.out.parameters:
             typer.echo("  " + ", ".join(f"{name} {value:.4g}" for name, value in parameters.items()))
     typer.echo(f"wrote {out}, and the errors in {out.stem}_errors.csv")
+    if out.suffix.lower() == ".xml" and find_spec("mujoco") is None:
+        typer.echo("The model is not checked: install the extra mujoco, and run vtkmuscle check.")
+    else:
+        _say(check_model(out))
+
+
+def _say(checked: ModelCheck) -> None:
+    """Print a check's coverage and findings."""
+    from vtkmuscle.opensim.checking import FIBRES_OUTSIDE
+
+    typer.echo(checked)
+    for finding in checked.findings:
+        if "jumps" in finding.what:
+            where = ", ".join(f"{name} {value:.4g}" for name, value in finding.pose.items())
+            typer.echo(f"{finding.muscle}: {finding.what} by {1000.0 * finding.size:.1f} mm at {where}")
+    for word, words in (("sign", "moment arms change sign"), ("fibre", FIBRES_OUTSIDE)):
+        names = [finding.muscle for finding in checked.findings if word in finding.what]
+        typer.echo(f"{len(names if word == 'sign' else set(names))} {words}")
 
 
 def _kilograms(text: str) -> float:
@@ -93,27 +127,28 @@ class CheckOptions:
 
 @shared.with_options
 def check(
-    model: Annotated[Path, Argument(help="A model of OpenSim, .osim.")],
+    model: Annotated[Path, Argument(help="A model of OpenSim (.osim) or MuJoCo (.xml).")],
     out: Annotated[
         Path | None, shared.out_option("HTML", "The page. Default: MODEL_check.html here.")
     ] = None,
     *,
     options: CheckOptions,
 ) -> None:
-    """Find jumps and sign changes in OpenSim muscles, and fibres out of their range.
+    """Find jumps and sign changes in a model's muscles, and fibres out of their range.
 
     Each muscle is swept over the ranges of its coordinates. A page and a table (.csv) list the findings with
     their poses. With the surfaces of a scene, fitted paths can replace the model's paths.
     """
     if model.suffix.lower() == ".toml":
-        raise InputError(model, "this is no model of OpenSim", "a run checks a scene: vtkmuscle run")
+        raise InputError(model, "this is no model of muscles", "a run checks a scene: vtkmuscle run")
     from vtkmuscle.io.writing import Outputs
     from vtkmuscle.opensim import check_model
-    from vtkmuscle.opensim.checking import FIBRES_OUTSIDE
 
     repair, scene, replace = options.repair, options.scene, options.replace
     if (repair is None) != (scene is None) or (repair is not None and not replace):
         raise InputError("--repair", "a repair takes a scene and muscles", "give --scene and --replace too")
+    if repair is not None and model.suffix.lower() == ".xml":
+        raise InputError("--repair", "a repair is of a model of OpenSim", "give an .osim file")
     page = out or Path(f"{model.stem}_check.html")
     pages = Outputs.for_file(page, [model, scene], overwrite=options.overwrite)
     pages.check(page.with_suffix(".csv"))
@@ -128,14 +163,7 @@ def check(
     if options.json:
         typer.echo(dumps(checked.to_dict(), indent=1))
     else:
-        typer.echo(checked)
-        for finding in checked.findings:
-            if "jumps" in finding.what:
-                where = ", ".join(f"{name} {value:.4g}" for name, value in finding.pose.items())
-                typer.echo(f"{finding.muscle}: {finding.what} by {1000.0 * finding.size:.1f} mm at {where}")
-        for word, words in (("sign", "moment arms change sign"), ("fibre", FIBRES_OUTSIDE)):
-            names = [finding.muscle for finding in checked.findings if word in finding.what]
-            typer.echo(f"{len(names if word == 'sign' else set(names))} {words}")
+        _say(checked)
         typer.echo(f"wrote {page}, {table}")
     sizes = [1000.0 * finding.size for finding in checked.findings if "fibre" not in finding.what]
     if options.fail_above is not None and max(sizes, default=0.0) > options.fail_above:

@@ -8,4 +8,5 @@ from .model import (
     read_motion_file as read_motion_file,
     read_osim as read_osim,
 )
+from .mujoco_model import MujocoModel as MujocoModel, read_mjcf as read_mjcf
 from .osim_text import MuscleOut as MuscleOut, enriched as enriched, osim_of as osim_of

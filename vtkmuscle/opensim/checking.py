@@ -19,6 +19,7 @@ from vtkmuscle.io.xml_elements import xml_text
 from vtkmuscle.joints.osim import FURTHER, NOT_USED, OFFSET
 from vtkmuscle.joints.tree import JointCoordinate
 from vtkmuscle.opensim.model import OsimModel, read_osim
+from vtkmuscle.opensim.mujoco_model import MujocoModel, read_mjcf
 from vtkmuscle.opensim.muscle_paths import STEP, Posed
 from vtkmuscle.opensim.osim_text import model_tree
 from vtkmuscle.report.page import Section, shown_rows, svg_curve, write_sections
@@ -42,6 +43,8 @@ KINDS = (
 #: Fibre lengths [optimal lengths]: active force ends at the lower (Zajac 1989, Crit Rev Biomed Eng 17:359);
 #: passive force reaches the maximum isometric force at the upper (Thelen 2003, doi:10.1115/1.1531112).
 FIBRES = (0.5, 1.6)
+#: Parts that would have been swept, but have no path.
+_FORCES = ("ForceSet", "actuator", "tendon")
 FIBRES_OUTSIDE = "fibres leave 0.5 to 1.6 of optimal"
 #: Lengths of muscles (f,) for values of coordinates (f,).
 Lengths = Callable[[Sequence[str], Mapping[str, Floats]], dict[str, Floats]]
@@ -106,7 +109,7 @@ class ModelCheck:
             (self.not_checked, "not evaluated (wrapping needs OpenSim)"),
             (self.still, "not evaluated (no coordinate with a range)"),
             (self.not_swept, "coordinates without a range, not swept"),
-            ([part for part in self.model.not_used if part.startswith("ForceSet")], "left out"),
+            ([part for part in self.model.not_used if part.startswith(_FORCES)], "left out"),
         ):
             words += f"; {why}: {', '.join(names)}" if names else ""
         return words + "."
@@ -146,24 +149,28 @@ class ModelCheck:
 
 
 def check_model(path: str | PathLike[str]) -> ModelCheck:
-    """Check the muscles of an .osim model over the crossed coordinates.
+    """Check the muscles of an .osim or MJCF (.xml) model over the crossed coordinates.
 
     Lengths of point paths and polynomials are computed here, lengths with wrapping surfaces by OpenSim if
-    installed. The result has jumps of lengths and moment arms, and sign changes of moment arms. A coordinate
-    without a range is not swept.
+    installed, lengths of MJCF by MuJoCo. The result has jumps of lengths and moment arms, and sign changes of
+    moment arms. A coordinate without a range is not swept.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        As :func:`~vtkmuscle.opensim.read_osim`.
+        As :func:`~vtkmuscle.opensim.read_osim` and :func:`~vtkmuscle.opensim.read_mjcf`.
     """
-    model = read_osim(path)
+    model = read_mjcf(path) if Path(path).suffix.lower() == ".xml" else read_osim(path)
     winding = [name for name, each in model.paths.items() if getattr(each.path, "wraps", ())]
-    by_opensim = _opensim_lengths(Path(path), model, winding) if winding else None
+    own, by_opensim = _own(model), None
+    if isinstance(model, MujocoModel):
+        own, winding = model.lengths, []
+    elif winding:
+        by_opensim = _opensim_lengths(Path(path), model, winding)
     swept = {each.name for each in model.tree.coordinates if each.range and each.range[0] < each.range[1]}
     crossed = {name: set(each.path.coordinates(model.tree)) for name, each in model.paths.items()}
     unswept = set().union(*crossed.values()) - swept
-    findings = list(_findings(model, [name for name in crossed if name not in winding], _own(model)))
+    findings = list(_findings(model, [name for name in crossed if name not in winding], own))
     if by_opensim is not None:
         findings += _findings(model, winding, by_opensim)
     findings.sort(key=_worst_first)

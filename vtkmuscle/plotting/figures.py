@@ -27,7 +27,14 @@ from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn, label_of
 from vtkmuscle.plotting import sheets, views
 from vtkmuscle.plotting.drawing import MuscleFrame
-from vtkmuscle.plotting.studio import Studio, actors_of, fixed_bones, position_colours, strain_colours
+from vtkmuscle.plotting.studio import (
+    Studio,
+    actors_of,
+    fixed_bones,
+    position_colours,
+    strain_colours,
+    strains_of,
+)
 
 
 def plot_rest_pose(
@@ -122,8 +129,7 @@ def plot_muscle(
     limit, fibres = 1.0, [frame.fibres for frame in frames if frame.fibres is not None]
     if rest_fibres is not None:
         rest, *every = (polylines_of(data, "plotting: fibres").lengths for data in (rest_fibres, *fibres))
-        strains = [100.0 * (lengths / np.maximum(rest, 1e-12) - 1.0) for lengths in every]
-        limit = max(limit, float(np.percentile(np.abs(strains), 98))) if strains else limit
+        strains, limit = strains_of(rest, every)
     panels = []
     for frame, strain in zip_longest(frames, strains):
         colours = None if strain is None else strain_colours(strain, limit)

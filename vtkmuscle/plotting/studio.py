@@ -116,6 +116,12 @@ def strain_colours(strain: Floats, limit: float) -> NDArray[np.uint8]:
     return _colours(views.FIBRE_MAP, 0.5 + 0.5 * strain / limit)
 
 
+def strains_of(rest: Floats, lengths: Sequence[Floats]) -> tuple[list[Floats], float]:
+    """Return changes (k,) of lengths (k,) since rest [%], and the limit of their colours."""
+    strains = [100.0 * (now / np.maximum(rest, 1e-12) - 1.0) for now in lengths]
+    return strains, max(1.0, float(np.percentile(np.abs(strains), 98))) if strains else 1.0
+
+
 def position_colours(positions: Floats) -> NDArray[np.uint8]:
     """Return colours (n, 3) of positions (n,) from 0 to 1."""
     return _colours(views.PLACE_MAP, positions)

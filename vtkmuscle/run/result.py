@@ -215,6 +215,31 @@ class Result(ResultData):
 
         return write_figures(Path(folder), self.plain(), form=form, dpi=dpi, width=width)
 
+    def write_usd(self, path: str | PathLike[str], *, tubes: bool = False) -> Path:
+        """Write bones, muscles and fibres as an animation of USD, for Blender, Houdini or Omniverse.
+
+        A frame of the run is a frame of the animation. Muscles and bones have their colours of figures,
+        fibres the colours of their change of length. The file is replaced where it exists.
+
+        Parameters
+        ----------
+        path : path
+            A .usd, .usdc (binary) or .usda (text) file.
+        tubes : bool
+            Fibres as meshes of tubes, for programs that do not draw curves.
+
+        Raises
+        ------
+        ValueError
+            For another suffix.
+        ImportError
+            Without the package usd-core.
+        """
+        from vtkmuscle.run.animation import write_usd  # noqa: PLC0415 -- an extra
+
+        write_usd(self.plain(), Path(path), tubes=tubes)
+        return Path(path)
+
     def write_report(self, path: str | PathLike[str]) -> Path:
         """Write the page of the run: the scene to be turned and moved, curves, tables and verdicts.
 

@@ -233,12 +233,16 @@ class MomentArmTable(dict[str, dict[str, JointArms]]):
                 yield {"muscle": muscle, "coordinate": name, "unit": one.unit, "value": one.values}, one
 
 
-def optional_package(name: str, use: str) -> Any:
-    """Return a package that is not installed with this package; ImportError where it is missing."""
+def optional_package(name: str, use: str, brought_by: str = "") -> Any:
+    """Return a module that is not installed with this package; ImportError where it is missing.
+
+    ``brought_by`` is the package of a module of another name.
+    """
     try:
         return import_module(name)
     except ImportError as error:
-        raise ImportError(f"{use} needs {name}: python -m pip install {name}") from error
+        package = brought_by or name
+        raise ImportError(f"{use} needs {package}: python -m pip install {package}") from error
 
 
 def error_sizes(errors: Mapping[str, Floats]) -> dict[str, float | None]:

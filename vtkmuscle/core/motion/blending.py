@@ -22,7 +22,7 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
     do not collapse towards the axis of far motions; for small motions both agree. The result is independent
     of the origin. Any two motions turn by less than 180 degrees against each other.
     """
-    motions = RigidTransform.from_matrix(transforms.copy()).as_dual_quat()
+    motions = RigidTransform(transforms, normalize=False).as_dual_quat()
     # q and -q are the same rotation: the sign nearer to the first blends the short way.
     motions[motions[:, :4] @ motions[0, :4] < 0.0] *= -1.0
     moved = np.empty_like(points)

@@ -63,6 +63,8 @@ class HistoryFilter(Filter, Generic[Frame]):
         self._frames: Checkpoints[Frame] = Checkpoints()
         self._made_with: object = None
         self._steps: tuple[float, ...] = ()
+        #: Time of the moving ports' arguments.
+        self._asked: float | None = None
         #: Number of finished frames of the path, and of all.
         self._done = 0, 1
         super().__init__(**settings)
@@ -92,8 +94,9 @@ class HistoryFilter(Filter, Generic[Frame]):
         path = self.path
         for index in range(self._frames.done(path), len(path)):
             self._done = index, len(path)
-            before = self._frames[path[index - 1]] if index else None
-            data = [self.data_at(*port, path[index]) for port in zip(self.moving, arguments, strict=True)]
+            before, data = self._frames[path[index - 1]] if index else None, arguments
+            if path[index] != self._asked:
+                data = [self.data_at(*port, path[index]) for port in zip(self.moving, arguments, strict=True)]
             self._frames[path[index]] = advance(before, *data)
             self._thin_out(path[: index + 1])
         self._thin_out(path)
@@ -132,8 +135,9 @@ class HistoryFilter(Filter, Generic[Frame]):
             return 1
         self.request_time = requested_time(outInfo.GetInformationObject(0))
         missing = self.path[self._frames.done(self.path) :]
+        self._asked = (missing or self.path[-1:])[0]
         for number in connected:
-            request_time(inInfo[number].GetInformationObject(0), (missing or self.path[-1:])[0])
+            request_time(inInfo[number].GetInformationObject(0), self._asked)
         return 1
 
     def _thin_out(self, path: Sequence[float | None]) -> None:
