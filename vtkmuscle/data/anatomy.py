@@ -18,7 +18,7 @@ _SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
 
 @dataclass(frozen=True)
 class JointKind:
-    """A kind of joint between bones with certain words in their names; the first existing bone counts.
+    """A kind of joint between bones with certain words in their names. The first existing bone counts.
 
     ``form`` is ``"ball"``, ``"pin"`` or ``"weld"``; ``round_end``, ``"child"`` or ``"parent"``, has the round
     surface; ``axes`` (3,) are in LPS by coordinate, for a hanging right limb: a left limb reverses all axes

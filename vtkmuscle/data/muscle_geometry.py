@@ -78,7 +78,7 @@ class MuscleGeometry:
         return self.once("on", (patch,), lambda: PatchSamples(self.points, self.triangles, patch))
 
     def once(self, what: str, given: Sequence[Any], compute: Callable[[], T]) -> T:
-        """Return a result of the surface and of what is given, computed once; arrays count by content."""
+        """Return a result of the surface and of what is given, computed once. Arrays count by content."""
         key = what, *(part.tobytes() if isinstance(part, np.ndarray) else part for part in given)
         if key not in self._known:
             self._known[key] = compute()
@@ -126,10 +126,9 @@ def surface_of(data: vtkPolyData, where: str) -> Surface:
 
 
 def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:
-    """Return a surface's properties, the same object for the same content.
+    """Return a surface's properties. The same content has the same object, whatever its modification time.
 
-    Content decides, not modification times: copies of a muscle share properties, and a change through a numpy
-    view counts. ValueError at `where` without triangles, with other faces, or for a point that is not finite.
+    ValueError at `where` without triangles, with other faces, or for a point that is not finite.
     """
     return _geometry(*checked_surface(surface, where))
 
@@ -138,7 +137,7 @@ _geometry = shared(MuscleGeometry, last=REMEMBERED)
 
 
 class Neighbours:
-    """The neighbours of a muscle over time; the muscle is at rest (n, 3), of several levels or one."""
+    """The neighbours of a muscle over time. The muscle is at rest (n, 3), of several levels or one."""
 
     def __init__(self, *rests: Floats) -> None:
         self._rests = rests
@@ -254,7 +253,7 @@ def _together(
     *,
     takes: tuple[float, float],
 ) -> EndSurface:
-    """Return areas and separate surfaces as one end surface; `takes` is a range on the muscle's surface."""
+    """Return areas and separate surfaces as one end surface. `takes` is a range on the muscle's surface."""
     patches: list[Ints] = []
     points, triangles, first = [geometry.points], [geometry.triangles], len(geometry.points)
     for number, shape in enumerate(shapes):

@@ -59,7 +59,7 @@ class Frames:
                 self.add_offsets(f"{path}/{element.name}", element)
 
     def at(self, socket: Element, owner: str = "", *, depth: int = 0) -> tuple[str, Floats]:
-        """Return the body and frame (4, 4) of a socket; relative paths begin at the owner's path."""
+        """Return the body and frame (4, 4) of a socket. Relative paths begin at the owner's path."""
         text = socket.text.strip()
         path = normpath(join("/", owner, text))
         if path not in self._bodies and path not in self._offsets:
@@ -84,10 +84,7 @@ def point_on(element: Element, frames: Frames) -> tuple[str, Floats]:
 
 
 def joint_in(element: Element, frames: Frames, child: str = "") -> tuple[Joint, list[JointCoordinate]]:
-    """Return a joint and its coordinates.
-
-    Before version 4 the child body contains the joint; ``child`` is the body's name.
-    """
+    """Return a joint and its coordinates. ``child`` is the body around the joint before version 4."""
     if element.tag not in (supported := ("CustomJoint", *_JOINTS)):
         raise element.error("this kind of joint is not supported", f"supported: {', '.join(supported)}")
     element.only(_ELEMENTS["joint"])
@@ -183,7 +180,7 @@ def model_element(path: Path) -> Element:
 
 
 def read_tree(path: Path) -> KinematicTree:
-    """Return the bodies and joints of an OpenSim model, in metres; raises as ``read_osim``."""
+    """Return the bodies and joints of an OpenSim model, in metres. Raises as ``read_osim``."""
     model = model_element(path)
     return tree_in(model, bodies_in(model)[1], [])[0]
 
@@ -208,10 +205,7 @@ def bodies_in(model: Element) -> tuple[list[tuple[str, Element]], Frames]:
 
 
 def tree_in(model: Element, frames: Frames, not_used: list[str]) -> tuple[KinematicTree, dict[str, str]]:
-    """Return the tree of a model, and the joint of each coordinate.
-
-    The list of unused parts is extended.
-    """
+    """Return the tree of a model, and the joint of each coordinate. The list of unused parts is extended."""
     joints = [joint_in(element, frames) for element in model.within("JointSet")]
     for body in model.within("BodySet"):
         joints += [joint_in(element, frames, body.name) for element in body.within("Joint")]

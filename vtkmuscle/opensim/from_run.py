@@ -277,7 +277,7 @@ def _lines(run: _Run, name: str) -> Floats:
 
 
 def _write_meshes(run: _Run, folder: Path) -> dict[str, list[str]]:
-    """Write bones, and muscles at rest, in frames of bodies [m]; return file names by body."""
+    """Write bones, and muscles at rest, in frames of bodies [m]. Return file names by body."""
     surfaces = {name: (run.joints.bodies[name], surface) for name, surface in run.scene.bones.items()}
     muscles = run.scene.muscles.items()
     surfaces |= {f"{name}_at_rest": (run.ends[name][0], muscle.surface) for name, muscle in muscles}

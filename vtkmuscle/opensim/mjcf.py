@@ -37,7 +37,7 @@ def mjcf_of(
     meshes: Mapping[str, Sequence[str]] | None = None,
     lengths: Mapping[str, Floats] | None = None,
 ) -> str:
-    """Return a model of MuJoCo as text.
+    """Return a model as the text of an MJCF file.
 
     A rotation or translation equal to its coordinate becomes a joint of the coordinate's name. A polynomial
     up to the fourth power becomes a separate joint, e.g. ``JOINT_hinge2`` for a second rotation, coupled by
@@ -52,11 +52,6 @@ def mjcf_of(
     lengths : mapping of str to array, optional
         Tendon lengths in the poses of a run [m], by muscle. A tendon with lengths and Hill parameters
         gets a muscle.
-
-    Returns
-    -------
-    str
-        The text of an MJCF file.
 
     Raises
     ------

@@ -172,7 +172,7 @@ class PointPath:
         return np.array([point.positions(at) for point in self.points]).reshape(-1, at.frames, 3)
 
     def lengths_at(self, at: Posed, switching: Columns | None = None) -> Floats:
-        """Return the lengths (f,); ``switching`` values, by default of the poses, decide on points."""
+        """Return the lengths (f,). ``switching`` values, by default of the poses, decide on points."""
         cylinders = {cylinder.after: cylinder for cylinder in self.cylinders}
         total, previous = np.zeros(at.frames), np.zeros((at.frames, 3))
         started = np.zeros(at.frames, dtype=np.bool_)

@@ -97,10 +97,9 @@ def properties_of(parameter: Parameter[Any], among: Iterable[Parameter[Any]] = (
 
 
 def informations_of(kind: type[Filter]) -> dict[str, Element]:
-    """Return the read-only properties of a filter, by attribute.
+    """Return the read-only properties of a filter, by attribute. They are allowed texts and presets.
 
-    Read-only are lists of allowed texts, and values set by a preset: ``Iterations`` keeps the user's number,
-    ``IterationsInEffect`` is the effective number.
+    Beside a preset ``Iterations`` keeps the user's number, ``IterationsInEffect`` is the effective number.
     """
     declared = kind.parameter_declarations
     preset = {name for each in declared.values() for group in each.sets.values() for name in group}

@@ -28,7 +28,7 @@ _LARGEST = 1e60
 
 
 def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]]:
-    """Return a scene's checked bones and muscles, muscles facing outward; SceneError for all faults."""
+    """Return a scene's checked bones and muscles, muscles facing outward. SceneError for all faults."""
     validated(tables_of(scene), scene.files.get(""))
     faults, muscles = Faults(), {}
     again = "correct the points, or export the surface again"

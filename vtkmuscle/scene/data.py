@@ -295,7 +295,7 @@ class SceneFiles:
             return reader(path)
 
     def tried(self, key: str, text: str | None, reader: Callable[[Path], T]) -> T | None:
-        """Read as :meth:`read`, if there is a text; gather the fault of an unreadable file."""
+        """Read as :meth:`read`, if there is a text. Gather the fault of an unreadable file."""
         content = None
         if text is not None:
             with self.faults.gathered():

@@ -92,7 +92,7 @@ _STEP = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class SceneJoints:
-    """A scene's kinematic tree and bodies of bones; ``frame`` has the scene's frame, ``fixed`` rests."""
+    """A scene's kinematic tree and bodies of bones. ``frame`` has the scene's frame, ``fixed`` rests."""
 
     tree: KinematicTree
     bodies: dict[str, str]
@@ -164,7 +164,7 @@ class SceneJoints:
 
 
 def joints_of(table: schema.SceneTable, files: SceneFiles) -> SceneJoints | None:
-    """Return a scene's joints, None without joints; SceneError if the joints form no tree."""
+    """Return a scene's joints, None without joints. SceneError if the joints form no tree."""
     if table.opensim is not None:
         return _of_opensim(table.opensim, table, files)
     if not table.joints:

@@ -188,7 +188,7 @@ def areas_in_contact(
 
 
 def _mirrored(fields: dict[str, Any], axis: str) -> dict[str, Any]:
-    """Return a scene's fields mirrored along x, y or z; values of coordinates stay."""
+    """Return a scene's fields mirrored along x, y or z. Values of coordinates stay."""
     signs = np.where(np.array(list("xyz")) == axis, -1.0, 1.0)
     both, motion = np.diag([*signs, 1.0]), fields["motion"]
 

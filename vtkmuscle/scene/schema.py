@@ -48,7 +48,7 @@ _KEYS = toml_table("vtkmuscle.scene", "keys.toml")
 
 
 class SchemaTable(BaseModel):
-    """A table of a scene file, with strict types; keys.toml has the meanings of keys."""
+    """A table of a scene file, with strict types. Meanings of keys are in keys.toml."""
 
     model_config = ConfigDict(extra="forbid", defer_build=True, strict=True)
 
@@ -225,7 +225,7 @@ class OpenSimTable(SchemaTable):
 
 
 class Hill(SchemaTable):
-    """Hill's parameters of a muscle, for exports; a run uses two lengths for its architecture."""
+    """Hill's parameters of a muscle, for exports. A run uses two lengths for its architecture."""
 
     optimal_fibre_length: Positive | None = None
     tendon_slack_length: Positive | None = None

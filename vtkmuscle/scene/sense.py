@@ -38,7 +38,7 @@ def _finding(check: str, key: str, *, certain: bool = False, **values: Any) -> F
 
 
 def check_sense(scene: SceneData) -> list[SceneError]:
-    """Warn about probable mistakes in a scene, and return them; SceneError for a certain mistake."""
+    """Warn about probable mistakes in a scene, and return them. SceneError for a certain mistake."""
     odd, mistakes = [], findings(scene, Anatomy.of(scene))
     for key, problem, remedy, certain in sorted(mistakes, key=lambda finding: not finding.certain):
         error = SceneError(problem, key, remedy, scene.files.get(key, scene.files.get("")))
@@ -201,7 +201,7 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
 
 
 def _turns(scene: SceneData, name: str) -> dict[str, Floats]:
-    """Return each bone's angular velocity (m, 3) by a coordinate, per unit; 0 for bones at rest."""
+    """Return each bone's angular velocity (m, 3) by a coordinate, per unit. 0 for bones at rest."""
     frames, twists = twists_by(scene.motion, name)
     still = np.zeros((len(frames), 3))
     return {bone: twists[bone][:, 3:] if bone in twists else still for bone in scene.bones}

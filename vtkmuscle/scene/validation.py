@@ -40,7 +40,7 @@ def _fault(fault: str, key: str, **values: object) -> _Fault:
 
 
 def validated(values: Mapping[str, Any], file: Path | None) -> schema.SceneTable:
-    """Return the checked tables of a scene file; SceneError with a fault for each key at fault."""
+    """Return the checked tables of a scene file. SceneError with a fault for each key at fault."""
     try:
         table = schema.SceneTable.model_validate(values)
     except ValidationError as error:
