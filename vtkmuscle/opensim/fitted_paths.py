@@ -13,17 +13,8 @@ from scipy.optimize import least_squares
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.joints.tree import KinematicTree
-from vtkmuscle.opensim.muscle_paths import (
-    STEP,
-    Columns,
-    Cylinder,
-    FunctionPath,
-    PathPoint,
-    PointPath,
-    Posed,
-    powers,
-    terms,
-)
+from vtkmuscle.opensim import muscle_paths as paths
+from vtkmuscle.opensim.muscle_paths import Columns, Cylinder, PathPoint, PointPath, powers
 
 #: Largest number of held-out parts of each coordinate's values: the inner parts choose the polynomial's order
 #: by the errors of a fit to the remaining poses, so that the order holds between the levels of a grid.
@@ -34,7 +25,7 @@ WORTH = 0.05
 FILLED = 0.7
 
 
-def fit_length(lengths: Floats, values: Columns, arms: Columns | None = None) -> FunctionPath:
+def fit_length(lengths: Floats, values: Columns, arms: Columns | None = None) -> paths.FunctionPath:
     """Fit a polynomial of coordinates to lengths (f,) and moment arms -dl/dq (f,).
 
     ``values`` (f,) are the coordinates [rad, or units of length]; constant coordinates are omitted. Moment
@@ -57,7 +48,7 @@ def fit_length(lengths: Floats, values: Columns, arms: Columns | None = None) ->
     levels = min((1 + (i in slopes)) * count for i, count in enumerate(counts))
 
     def rows_of(order: int) -> Floats:
-        return np.vstack([terms(scaled, order), *(_slopes(scaled, order, i) for i in slopes)])
+        return np.vstack([paths.terms(scaled, order), *(_slopes(scaled, order, i) for i in slopes)])
 
     errors: dict[int, float] = {}
     for order in range(1, 7):
@@ -72,7 +63,7 @@ def fit_length(lengths: Floats, values: Columns, arms: Columns | None = None) ->
     bound = (1.0 + WORTH) * min(errors.values()) + 1e-12 * float(np.abs(lengths).max())
     order = next(order for order, error in errors.items() if error <= bound)
     coefficients = _solved(rows_of(order), targets)
-    return FunctionPath(tuple(moving), order, _unscaled(coefficients, middle, half, order))
+    return paths.FunctionPath(tuple(moving), order, _unscaled(coefficients, middle, half, order))
 
 
 def _held_back(samples: Floats) -> list[Bools]:
@@ -187,14 +178,14 @@ class _Search:
         halves = {name: np.ptp(full[name]) / 2.0 for name in arms}
         self.halves = np.array([halves[name] for name in arms])
         self.targets = np.concatenate([lengths, *(halves[name] * arm for name, arm in arms.items())])
-        moves = [{}, *({name: sign * STEP} for name in arms for sign in (-1.0, 1.0))]
+        moves = [{}, *({name: sign * paths.STEP} for name in arms for sign in (-1.0, 1.0))]
         moved = {q: np.concatenate([full[q] + move.get(q, 0.0) for move in moves]) for q in tree.free}
-        self.at = Posed.of(tree, moved)
+        self.at = paths.Posed.of(tree, moved)
 
     def off(self, path: PointPath) -> Floats:
         """Return the errors of lengths and scaled moment arms [m]."""
         lengths = path.lengths_at(self.at).reshape(-1, self.frames)
-        arms = (lengths[1::2] - lengths[2::2]) / (2.0 * STEP)
+        arms = (lengths[1::2] - lengths[2::2]) / (2.0 * paths.STEP)
         return np.asarray(np.append(lengths[0], self.halves[:, None] * arms) - self.targets)
 
     def error(self, path: PointPath) -> float:

@@ -13,9 +13,7 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    FiniteFloat,
     PlainValidator,
-    StringConstraints,
     WrapValidator,
     create_model,
     model_validator,
@@ -50,7 +48,7 @@ _KEYS = toml_table("vtkmuscle.scene", "keys.toml")
 class SchemaTable(BaseModel):
     """A table of a scene file, with strict types. Meanings of keys are in keys.toml."""
 
-    model_config = ConfigDict(extra="forbid", defer_build=True, strict=True)
+    model_config = ConfigDict(extra="forbid", defer_build=True, strict=True, allow_inf_nan=False)
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
@@ -131,10 +129,10 @@ class OneOf:
         return literal_schema(self.words)
 
 
-Text = Annotated[str, StringConstraints(min_length=1)]
+Text = Annotated[str, Field(min_length=1)]
 Name = Annotated[Text, AfterValidator(checked_name)]
-Positive = Annotated[FiniteFloat, Field(gt=0.0)]
-Triple = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
+Positive = Annotated[float, Field(gt=0.0)]
+Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 Direction = Annotated[Triple, AfterValidator(_direction)]
 
 
@@ -163,8 +161,8 @@ def names_or_tables(value: Any) -> Any:
     return value
 
 
-_Numbers = Annotated[list[FiniteFloat], Field(min_length=1)]
-_Range = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2), AfterValidator(_ascending)]
+_Numbers = Annotated[list[float], Field(min_length=1)]
+_Range = Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(_ascending)]
 
 
 class KnotsTable(SchemaTable):
@@ -185,7 +183,7 @@ class JointCoordinateTable(Function):
     """A coordinate of a joint; with a function it follows another coordinate."""
 
     range: _Range | None = None
-    rest: FiniteFloat = 0.0
+    rest: float = 0.0
     positive: Text | None = None
     follows: Text | None = None
 
@@ -221,7 +219,7 @@ class OpenSimTable(SchemaTable):
     bodies: dict[str, Text] | None = None
     frame: Text | None = None
     fixed: Text | None = None
-    rest: dict[str, FiniteFloat] | None = None
+    rest: dict[str, float] | None = None
 
 
 class Hill(SchemaTable):
@@ -230,7 +228,7 @@ class Hill(SchemaTable):
     optimal_fibre_length: Positive | None = None
     tendon_slack_length: Positive | None = None
     sarcomere_length: Positive | None = None
-    pennation: Annotated[FiniteFloat, Field(ge=0.0, lt=90.0)] | None = None
+    pennation: Annotated[float, Field(ge=0.0, lt=90.0)] | None = None
     max_isometric_force: Positive | None = None
     pcsa: Positive | None = None
     specific_tension: Positive | None = None
