@@ -115,11 +115,9 @@ class Draft:
             return
         bones = self.candidate_bones(muscle)
         chains = {bone: moving_chain(bone, self.joints) for bone in bones}
-        bodies = {bone: chain[0] if chain else "" for bone, chain in chains.items()}  # "" rests
-        depths = {bone: len(chain) for bone, chain in chains.items()}
-        areas = areas_in_contact(self.muscles[muscle], bones, bodies, depths, within=self.within, **named)
+        areas = areas_in_contact(self.muscles[muscle], bones, chains, within=self.within, **named)
         used = [*digitised, *(area for area in areas if area.role in missing)]
-        if len({bodies[area.bone] for area in used}) < 2:
+        if len({tuple(chains[area.bone][:1]) for area in used}) < 2:
             rigid = " and ".join(sorted({area.bone for area in used}))
             raise InputError("", f"both ends are on the same moving body: {rigid}", GIVE)
         for role in missing:

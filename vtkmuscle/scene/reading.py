@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -24,7 +24,7 @@ from vtkmuscle.data.attachments import ROLES, SIDES, VIA, Aponeurosis, Attachmen
 from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
 from vtkmuscle.scene.checks import turned_over
 from vtkmuscle.scene.data import MILLIMETRES, Muscle, SceneError, SceneFiles, errors_at, parsed
-from vtkmuscle.scene.joints import joints_of, motion_from
+from vtkmuscle.scene.joints import SceneJoints, joints_of, motion_from
 from vtkmuscle.scene.schema import Aponeuroses, Area, Estimate, SceneTable
 from vtkmuscle.scene.validation import validated
 
@@ -41,12 +41,11 @@ def read_fields(path: Path) -> dict[str, Any]:
         for name, bone in table.bones.items()
         if (surface := files.tried(f"bones.{name}.surface", bone.surface, io.read_surface)) is not None
     }
-    motion = crossed = None
+    joints = motion = None
     with files.faults.gathered():
         joints = joints_of(table, files)
         motion = motion_from(table, files, joints)
-        crossed = None if joints is None else joints.crossed
-    muscles = {name: _muscle(name, table, files, bones, motion, crossed) for name in table.muscles}
+    muscles = {name: _muscle(name, table, files, bones, motion, joints) for name in table.muscles}
     files.faults.raise_any()
     same = ("units", "muscle_contact", "deformer", "quality", "frame", "guessed")
     fields = {
@@ -75,7 +74,7 @@ def _muscle(
     files: SceneFiles,
     bones: dict[str, vtkPolyData],
     motion: RigidMotion | None,
-    crossed: Callable[[Iterable[str]], tuple[str, ...]] | None,
+    joints: SceneJoints | None,
 ) -> Muscle | None:
     """Read the files of a muscle; None after a fault of any file."""
     key, table, faults = f"muscles.{name}", scene.muscles[name], files.faults
@@ -83,10 +82,10 @@ def _muscle(
     surface = files.tried(f"{key}.surface", table.surface, io.read_surface)
     if isinstance(table.attachments, Estimate) and surface is not None and motion is not None:
         with faults.gathered(), errors_at(f"{key}.attachments", files.paths[""]):
-            bodies = {bone: motion.transforms.get(bone, motion.times[:0]).tobytes() for bone in bones}
+            tables = motion.transforms
+            chains = {bone: [tables[bone].tobytes()] if bone in tables else [] for bone in bones}
             within, named = NEAR / MILLIMETRES[scene.units], zip(ROLES, table.attachments.bones, strict=False)
-            moves = {bone: bone in motion.transforms for bone in bones}
-            areas = areas_in_contact(surface, bones, bodies, moves, within=within, **dict(named))
+            areas = areas_in_contact(surface, bones, chains, within=within, **dict(named))
     sheets = [] if table.aponeuroses is None else _aponeuroses(key, table.aponeuroses, files, scene)
     fibres = None if table.fibres is None else table.fibres.given()
     if fibres is not None and fibres.get("template_file") is not None:
@@ -102,8 +101,8 @@ def _muscle(
     if surface is None or faults.errors:
         return None
     crosses = None if table.crosses is None else tuple(table.crosses)
-    if crossed is not None and crosses is None:
-        crosses = crossed(area.bone for area in areas)
+    if joints is not None and crosses is None:
+        crosses = joints.crossed(area.bone for area in areas)
     return Muscle(
         surface,
         tuple(areas),
@@ -166,23 +165,18 @@ def _literature(path: Path, muscle: str) -> tuple[io.LiteratureCurve, ...]:
 
 
 def areas_in_contact(
-    surface: vtkPolyData,
-    bones: Mapping[str, vtkPolyData],
-    bodies: Mapping[str, object],
-    depths: Mapping[str, int],
-    *,
-    within: float,
-    **named: str,
+    surface: vtkPolyData, bones: Mapping[str, vtkPolyData], chains: Mapping[str, list[Any]], **options: Any
 ) -> list[AttachmentArea]:
-    """Return a muscle's areas within a distance of bones.
+    """Return a muscle's areas in contact with bones, by :func:`estimated_areas` with options.
 
-    Bones of a body move together. Without bones ``named`` by role, the insertion is on the bone of the
-    greater depth in the chain of bodies.
+    ``chains`` are the moving bodies of each bone, upwards. Without named bones, the insertion is on the bone
+    of the longer chain.
     """
+    bodies = {bone: next(iter(chains[bone]), None) for bone in bones}
     groups = [[bone for bone in bones if bodies[bone] == body] for body in dict.fromkeys(bodies.values())]
-    areas = estimated_areas(surface, bones, within=within, bodies=groups, **named)
-    depth = {area.role: depths[area.bone] for area in areas}
-    if not named and depth["origin"] > depth["insertion"]:
+    areas = estimated_areas(surface, bones, bodies=groups, **options)
+    depth = {area.role: len(chains[area.bone]) for area in areas}
+    if not {*ROLES} & {*options} and depth["origin"] > depth["insertion"]:
         areas = [replace(area, role=ROLES[area.role == ROLES[0]]) for area in areas]
     return areas
 
