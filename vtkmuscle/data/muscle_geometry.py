@@ -27,6 +27,8 @@ from vtkmuscle.data.arrays import blocks_of, checked_surface, point_array
 from vtkmuscle.data.attachments import ROLES, SIDES, Aponeurosis, AttachmentArea, areas_of_role
 
 T = TypeVar("T")
+#: An area on a muscle's surface, or a separate surface.
+Shape = AttachmentArea | tuple[Floats, Ints]
 
 #: Number of cached surfaces: the muscles of a limb; 20 000 triangles take about 10 MB.
 REMEMBERED = 8
@@ -229,7 +231,7 @@ def _aponeurosis(
     aponeuroses: Sequence[Aponeurosis], side: str, geometry: MuscleGeometry, where: str
 ) -> EndSurface:
     """Return the aponeuroses of a side as one surface."""
-    shapes: list[AttachmentArea | tuple[Floats, Ints]] = []
+    shapes: list[Shape] = []
     label = f"{where}: {side}"
     for sheet in aponeuroses:
         if sheet.side == side:
@@ -247,11 +249,7 @@ def _aponeurosis(
 
 
 def _together(
-    shapes: Sequence[AttachmentArea | tuple[Floats, Ints]],
-    geometry: MuscleGeometry,
-    where: str,
-    *,
-    takes: tuple[float, float],
+    shapes: Sequence[Shape], geometry: MuscleGeometry, where: str, *, takes: tuple[float, float]
 ) -> EndSurface:
     """Return areas and separate surfaces as one end surface. `takes` is a range on the muscle's surface."""
     patches: list[Ints] = []

@@ -206,21 +206,14 @@ def likely_unit(longest: float) -> tuple[str, float]:
     return ("m", 0.9) if longest <= LONGEST_IN_METRES else ("cm", 0.3)
 
 
-def draft_of_files(
-    files: Sequence[Path],
-    out: Path,
-    *,
-    bones: Sequence[str] = (),
-    muscles: Sequence[str] = (),
-    frame: str = "LPS",
-) -> Draft:
+def draft_of_files(files: Sequence[Path], out: Path, stated: Mapping[str, str], frame: str) -> Draft:
     """Return an incomplete scene of meshes and landmarks, as of :func:`~vtkmuscle.labels.init`.
 
-    FileNotFoundError or ValueError if a file cannot be read, or its name is not recognised.
+    ``stated`` is ``"bone"`` or ``"muscle"`` by name. FileNotFoundError or ValueError if a file cannot be
+    read, or its name is not recognised.
     """
     draft = Draft(out.resolve().name or "scene", frame=frame)
     landmarks, meshes = [], {}
-    stated = dict.fromkeys(map(plain_name, bones), "bone") | dict.fromkeys(map(plain_name, muscles), "muscle")
     for file in files:
         name = plain_name(file.name.partition(".")[0])
         if _AREA.match(_roles_name(file)):

@@ -80,7 +80,8 @@ def init(
     """
     folder, inputs = Path(out), [Path(file) for file in files]
     outputs = Outputs.for_file(folder / "scene.toml", inputs, overwrite=overwrite)
-    draft = draft_of_files(inputs, folder, bones=bones, muscles=muscles, frame=frame)
+    stated = dict.fromkeys(map(plain_name, bones), "bone") | dict.fromkeys(map(plain_name, muscles), "muscle")
+    draft = draft_of_files(inputs, folder, stated, frame)
     draft.complete()
     if draft.lacks:
         raise InputError(draft.name, draft.lacks)
