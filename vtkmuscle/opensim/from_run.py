@@ -26,7 +26,7 @@ from vtkmuscle.opensim.export_parts import ExportedMuscle
 from vtkmuscle.opensim.fitted_paths import fit_length, fit_points, rms
 from vtkmuscle.opensim.mjcf import mjcf_of
 from vtkmuscle.opensim.model import checked_model
-from vtkmuscle.opensim.muscle_paths import MusclePath, moment_arm
+from vtkmuscle.opensim.muscle_paths import FunctionPath, PointPath, moment_arm
 from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.table import Table
@@ -246,7 +246,9 @@ def _exported(
         mean = lengths[:, members].mean(axis=1) / 1000.0
         mean_arms = {at: arms[at].arms[:, members].mean(axis=1) / unit for at, unit in units.items()}
         if lines is None:
-            path: MusclePath = fit_length(mean, {each: values[each] for each in mean_arms}, mean_arms)
+            path: FunctionPath | PointPath = fit_length(
+                mean, {each: values[each] for each in mean_arms}, mean_arms
+            )
         else:
             line, fitted = lines[:, members].mean(axis=1), (run.ends[name], mean, mean_arms)
             path = fit_points(line, tree, values, *fitted, tolerance=TOLERANCE)

@@ -131,8 +131,20 @@ class Cylinder:
         return np.hypot(planar, along), sides
 
 
+class MusclePath:
+    """A path with a length in each pose."""
+
+    def lengths_at(self, at: Posed, switching: Columns | None = None) -> Floats:
+        """Return the lengths (f,). ``switching`` values, by default of the poses, decide on points."""
+        raise NotImplementedError
+
+    def lengths(self, tree: KinematicTree, values: Values) -> Floats:
+        """Return the lengths (f,) for values (f,) of coordinates, in the tree's unit."""
+        return self.lengths_at(Posed.of(tree, values))
+
+
 @dataclass(frozen=True, eq=False)
-class PointPath:
+class PointPath(MusclePath):
     """Straight lines from origin to insertion, over points and round cylinders.
 
     ``wraps`` are names of OpenSim's wrapping surfaces, without lengths here; of a path of an unsupported
@@ -155,24 +167,15 @@ class PointPath:
             return tree.free
         return tree.freed({*self.named, *tree.crossed([point.body for point in self.points])})
 
-    def lengths(self, tree: KinematicTree, values: Values, *, counted_at: Values | None = None) -> Floats:
-        """Return the lengths (f,) for values (f,) of coordinates, in the tree's unit.
-
-        ``counted_at`` are the values for conditional points, by default ``values``. A path that winds round
-        surfaces, or an unknown coordinate, raises a ValueError.
-        """
-        if self.wraps:
-            problem = f"the path winds round {', '.join(self.wraps)}: wrapping is not computed here"
-            raise InputError("", problem, "take the length from OpenSim, or export the muscle's fibres")
-        switching = None if counted_at is None else tree.completed(counted_at)
-        return self.lengths_at(Posed.of(tree, values), switching)
-
     def positions(self, at: Posed) -> Floats:
         """Return the points (n, f, 3) in the root's frame."""
         return np.array([point.positions(at) for point in self.points]).reshape(-1, at.frames, 3)
 
     def lengths_at(self, at: Posed, switching: Columns | None = None) -> Floats:
-        """Return the lengths (f,). ``switching`` values, by default of the poses, decide on points."""
+        """Return the lengths (f,). A path that winds round surfaces raises a ValueError."""
+        if self.wraps:
+            problem = f"the path winds round {', '.join(self.wraps)}: wrapping is not computed here"
+            raise InputError("", problem, "take the length from OpenSim, or export the muscle's fibres")
         cylinders = {cylinder.after: cylinder for cylinder in self.cylinders}
         total, previous = np.zeros(at.frames), np.zeros((at.frames, 3))
         started = np.zeros(at.frames, dtype=np.bool_)
@@ -193,7 +196,7 @@ class PointPath:
 
 
 @dataclass(frozen=True, eq=False)
-class FunctionPath:
+class FunctionPath(MusclePath):
     """A path with a polynomial of coordinates as length.
 
     ``order`` is the highest sum of powers; the coefficients (m,) are in the order of :func:`powers`.
@@ -212,17 +215,10 @@ class FunctionPath:
         """Return the coordinates that affect the length."""
         return tuple(self.names)
 
-    def lengths(self, tree: KinematicTree, values: Values, *, counted_at: Values | None = None) -> Floats:
-        """Return the lengths (f,) for values of the coordinates."""
-        return self.lengths_at(Posed(tree.completed(values), {}, {}))
-
-    def lengths_at(self, at: Posed) -> Floats:
+    def lengths_at(self, at: Posed, switching: Columns | None = None) -> Floats:
         """Return the lengths (f,) in poses."""
         samples = np.column_stack([at.values[name] for name in self.names])
         return terms(samples, self.order) @ self.coefficients
-
-
-MusclePath = PointPath | FunctionPath
 
 
 def powers(dimension: int, order: int) -> Ints:
@@ -246,5 +242,5 @@ def moment_arm(path: MusclePath, tree: KinematicTree, values: Values, coordinate
     tree.coordinate(coordinate)
     full = tree.completed(values)
     near = (full | {coordinate: full[coordinate] + step} for step in (-STEP, STEP))
-    before, after = (path.lengths(tree, values, counted_at=full) for values in near)
+    before, after = (path.lengths_at(Posed.of(tree, values), full) for values in near)
     return (before - after) / (2.0 * STEP)
