@@ -106,11 +106,9 @@ class BoneContact:
             distance, _ = bone.field(self.rest, within=self.clearance)
             inside = int((distance[self.free] < 0.0).sum())
             if inside > SWALLOWED * self.free.sum():
-                warnings.warn(
-                    f"{bone.name}: {inside} of the muscle's {self.free.sum()} free points are inside at rest "
-                    "and may stay as deep; check that bone and muscle are in the same frame and unit",
-                    stacklevel=2,
-                )
+                problem = f"{inside} of the muscle's {self.free.sum()} free points are inside at rest "
+                problem += "and may stay as deep; check that bone and muscle are in the same frame and unit"
+                warnings.warn(f"{bone.name}: {problem}", stacklevel=2)
             self._levels[number] = np.minimum(distance, self.clearance)
         return self._levels[number]
 
@@ -174,19 +172,9 @@ class PoseContact:
 
 @kernel
 def _keep_out(
-    field: Field,
-    to_axes: Floats,
-    back: Floats,
-    seen_at: Floats,
-    squares: Floats,
-    p: Floats,
-    wanted: Bools,
-    waiting: Bools,
-    levels: Floats,
-    clearance: float,
-    moved: Bools,
-    work: Floats,
-) -> bool:
+    field: Field, to_axes: Floats, back: Floats, seen_at: Floats, squares: Floats, p: Floats, wanted: Bools,
+    waiting: Bools, levels: Floats, clearance: float, moved: Bools, work: Floats,
+) -> bool:  # fmt: skip
     """Do the work of :meth:`PoseContact.keep_out` for a bone; return whether points wait for nodes.
 
     seen_at, squares : (n, 3), (n,), position of a point's look-up, and the square of the distance that the

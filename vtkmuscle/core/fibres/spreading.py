@@ -151,8 +151,7 @@ def _blur(passes: int) -> Floats:
 def _square_to(nodes: Floats, i: int, x: float, y: float, z: float) -> float:
     """Return the squared distance of a node from a position."""
     dx, dy, dz = nodes[i, 0] - x, nodes[i, 1] - y, nodes[i, 2] - z
-    square: float = dx * dx + dy * dy + dz * dz
-    return square
+    return float(dx * dx + dy * dy + dz * dz)
 
 
 def _pulls(

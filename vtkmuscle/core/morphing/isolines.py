@@ -15,12 +15,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.harmonic import harmonic_extension, triangle_gradients
 from vtkmuscle.core.mesh.normals import perpendiculars, triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.sampling import PatchSamples
-from vtkmuscle.core.morphing.correspondence import (
-    N_STARTS,
-    LoopStack,
-    cyclic_products,
-    sampled_loop,
-)
+from vtkmuscle.core.morphing.correspondence import N_STARTS, LoopStack, cyclic_products, sampled_loop
 from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
 from vtkmuscle.core.morphing.slices import (
     GRAIN,

@@ -52,8 +52,7 @@ def evenly_spread(points: Floats, offsets: Ints, count: int) -> Floats:
         first, second = ((numbers[:, None], before + more) for more in (0, 1))
         along_chord = part * part * (3.0 - 2.0 * part) * (rows[second] - rows[first])
         bend = part * (1.0 - part) * ((1.0 - part) * tangents[first] - part * tangents[second])
-        curve: Floats = rows[first] + along_chord + length * bend
-        return curve
+        return np.asarray(rows[first] + along_chord + length * bend)
 
     places = np.linspace(0.0, at[:, -1], count, axis=1)
     for _ in range(2):

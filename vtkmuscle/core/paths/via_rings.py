@@ -72,11 +72,8 @@ def via_ring(landmarks: Floats) -> ViaRing:
     area = np.cross(away, following).sum(axis=0) / 2.0
     size = float(np.linalg.norm(area))
     if size < _LEAST_AREA * float(np.linalg.norm(following - away, axis=1).sum()) ** 2:
-        raise InputError(
-            "",
-            "the landmarks of a via ring lie on a line, or the ring crosses itself",
-            "give the landmarks in order, once round the muscle",
-        )
+        problem = "the landmarks of a via ring lie on a line, or the ring crosses itself"
+        raise InputError("", problem, "give the landmarks in order, once round the muscle")
     normal = area / size
     axes = _axes_across(normal, away)
     flat = away @ axes.T
@@ -86,20 +83,13 @@ def via_ring(landmarks: Floats) -> ViaRing:
     radius = float(np.linalg.norm(corners, axis=1).mean())
     worst = int(heights.argmax())
     if heights[worst] > _LARGEST_BEND * radius:
-        raise InputError(
-            "",
-            f"landmark {worst} of a via ring is {heights[worst]:.4g} off the plane of a ring with "
-            f"mean radius {radius:.4g}",
-            "give landmarks near a common plane",
-        )
+        problem = f"landmark {worst} of a via ring is {heights[worst]:.4g} off the plane of a ring"
+        raise InputError("", f"{problem} with mean radius {radius:.4g}", "give landmarks near a common plane")
     turns = _cross(corners, np.roll(corners, -1, axis=0))
     if not (turns > 0.0).all():
         side = int(np.flatnonzero(turns <= 0.0)[0])
-        raise InputError(
-            "",
-            f"a via ring turns back after landmark {side}",
-            "give the landmarks in order, once round, with all sides visible from the centre",
-        )
+        remedy = "give the landmarks in order, once round, with all sides visible from the centre"
+        raise InputError("", f"a via ring turns back after landmark {side}", remedy)
     return ViaRing(middle + centroid @ axes, normal, axes, np.ascontiguousarray(corners))
 
 
@@ -128,8 +118,7 @@ def within_ring(ring: ViaRing, points: Floats) -> Bools:
 
     Points (n, 3) are seen along the ring's normal; the result is (n,).
     """
-    inside: Bools = inside_polygon(ring.corners, in_ring_plane(ring, points)[0])
-    return inside
+    return np.asarray(inside_polygon(ring.corners, in_ring_plane(ring, points)[0]))
 
 
 def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
@@ -214,10 +203,8 @@ def _centroid(corners: Floats) -> Floats:
     """Return the centroid (2,) of a polygon's area."""
     following = np.roll(corners, -1, axis=0)
     turns = _cross(corners, following)
-    centroid: Floats = turns @ (corners + following) / (3.0 * turns.sum())
-    return centroid
+    return np.asarray(turns @ (corners + following) / (3.0 * turns.sum()))
 
 
 def _cross(a: Floats, b: Floats) -> Floats:
-    crossed: Floats = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    return crossed
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
