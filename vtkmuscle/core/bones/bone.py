@@ -132,11 +132,6 @@ class Bone:
         low, high = self.box_along_axes
         return float(np.linalg.norm(high - low)) / CELLS_PER_DIAGONAL
 
-    @property
-    def n_known(self) -> int:
-        """Number of measured nodes."""
-        return 0 if self._known is None else int(np.count_nonzero(self._known[1].nodes))
-
     def exact(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Return the distances of points from the triangles.
 

@@ -22,7 +22,7 @@ from vtkmuscle.core.motion.blending import screws_between
 from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.paths.bone_contact import BoneContacts
 from vtkmuscle.core.paths.guides import ALL_PATHS, Guides, with_bones
-from vtkmuscle.core.paths.neighbours import neighbours_of, path_lengths, path_widths
+from vtkmuscle.core.paths.neighbours import neighbours_of, path_lengths
 from vtkmuscle.core.paths.pose import Sheet, SheetPose, farthest_of
 from vtkmuscle.core.paths.ring_contact import outside_of, rings_at
 from vtkmuscle.core.paths.surroundings import surroundings_of
@@ -204,16 +204,9 @@ class MusclePaths:
         if rings:
             outside_of(rings_at(rings, still, np.zeros(3), nothing), self.fibres, outside)
         contacts = BoneContacts(pieces, around.standoff, self._segment)
-        held = around, contacts, neighbours_of(self.fibres), tuple(rings), outside
-        self._sheet = Sheet(*rest, self.thickness, self._lengths, *held, guides)
+        held = *rest, self.thickness, self._lengths, around, contacts, neighbours_of(self.fibres)
+        self._sheet = Sheet(*held, tuple(rings), outside, guides)
         self.rest = self._settle(self.fibres, still, self._ends_moved(still, still), self.fibres)
-
-    def widths(self, points: Floats) -> Floats:
-        """Return the widths of paths relative to rest, (f,).
-
-        Paths (f, n, 3) keep their volume.
-        """
-        return path_widths(points, self._lengths)
 
     def follow(self, before: PathState, transforms: Floats) -> PathState:
         """Return the paths in another pose of the bones.
@@ -236,9 +229,8 @@ class MusclePaths:
         if np.ptp(moves, axis=0).max() <= _TOGETHER:
             ends = self.start_bones, self.end_bones
             points = with_bones(before.points, *ends, moves)
-            drift = with_bones(before.points + before.drift, *ends, moves) - points
-            at = {"points": points, "transforms": transforms, "drift": drift}
-            return replace(before, **at, steps=0, forces=PathState.forces)
+            drift, forces = with_bones(before.points + before.drift, *ends, moves) - points, PathState.forces
+            return replace(before, points=points, transforms=transforms, steps=0, drift=drift, forces=forces)
         farthest = np.linalg.norm(self._ends_moved(known, transforms), axis=2).max()
         steps = max(math.ceil(farthest / (LARGEST_MOVE * self._segment)), 1)
         state = replace(before, transforms=known, steps=0)
@@ -292,9 +284,9 @@ class MusclePaths:
         pose.hold(carried)  # near the equilibrium rings would never let go of the points that they hold
         settled = pose.settle(self._segment, reach)
         self._latest = pose  # alive for the levers of this state
-        at = self._sheet, pose.points, transforms, pose.ring_points
-        measures = pose.contacts(), pose.squeezed(), pose.sags(), settled, pose.steps
-        return PathState(*at, *measures, ends_moved, pose.points - carried, weakref.ref(pose))
+        measures = pose.contacts(), pose.squeezed(), pose.sags()
+        now = self._sheet, pose.points, transforms, pose.ring_points, *measures, settled, pose.steps
+        return PathState(*now, ends_moved, pose.points - carried, weakref.ref(pose))
 
 
 def _padded(before: Floats, now: Floats) -> Floats:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.solids import points_inside
 from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
@@ -102,23 +102,13 @@ def moved_ring(ring: ViaRing, transform: Floats) -> ViaRing:
     return ViaRing(turn @ ring.centre + shift, turn @ ring.normal, ring.axes @ turn.T, ring.corners)
 
 
-def in_ring_plane(ring: ViaRing, points: Floats) -> tuple[Floats, Floats]:
-    """Return points along the ring's axes.
-
-    Points are (n, 3), places (n, 2), heights over the plane (n,) [mm].
-    """
-    away = np.asarray(points, dtype=np.float64) - ring.centre
-    places: Floats = np.ascontiguousarray(away @ ring.axes.T)
-    heights: Floats = away @ ring.normal
-    return places, heights
-
-
 def within_ring(ring: ViaRing, points: Floats) -> Bools:
     """Return whether points are within the ring.
 
     Points (n, 3) are seen along the ring's normal; the result is (n,).
     """
-    return np.asarray(inside_polygon(ring.corners, in_ring_plane(ring, points)[0]))
+    places = (points - ring.centre) @ ring.axes.T
+    return np.array([is_inside(ring.corners, x, y) for x, y in places], dtype=np.bool_)
 
 
 def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
@@ -128,7 +118,7 @@ def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
     ring's centre is inside the surface.
     """
     edges = unique_edges(triangles)
-    heights = in_ring_plane(ring, points)[1][edges]
+    heights = ((points - ring.centre) @ ring.normal)[edges]
     cut = (heights[:, 0] < 0.0) != (heights[:, 1] < 0.0)
     if not cut.any():
         return False
@@ -138,18 +128,6 @@ def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
     if within_ring(ring, outline).any():
         return True
     return bool(points_inside(ring.centre[None], triangle_tree(points, triangles.astype(np.int64)))[0])
-
-
-@array_kernel
-def inside_polygon(corners: Floats, places: Floats) -> Bools:
-    """Return whether places (n, 2) are inside a polygon.
-
-    The polygon's corners are (k, 2); places on the outline may be either.
-    """
-    inside = np.empty(len(places), dtype=np.bool_)
-    for i in range(len(places)):
-        inside[i] = is_inside(corners, places[i, 0], places[i, 1])
-    return inside
 
 
 @kernel
