@@ -21,7 +21,7 @@ from vtkmuscle.run.frames import run_options
 from vtkmuscle.scene.checks import checked
 from vtkmuscle.scene.data import Muscle, SceneData, SceneError
 from vtkmuscle.scene.reading import read_fields
-from vtkmuscle.scene.schema_types import Fibres, Paths, Solver
+from vtkmuscle.scene.schema import Fibres, Paths, Solver
 from vtkmuscle.scene.writing import write_scene
 
 if TYPE_CHECKING:

@@ -76,7 +76,7 @@ def _say(checked: ModelCheck) -> None:
     typer.echo(checked)
     for finding in checked.findings:
         if "jumps" in finding.what:
-            where = ", ".join(f"{name} {value:.4g}" for name, value in finding.shown.items())
+            where = ", ".join(f"{name} {value:.4g}" for name, value in finding.pose.items())
             typer.echo(f"{finding.muscle}: {finding.what} by {1000.0 * finding.size:.1f} mm at {where}")
     for word, words in (("sign", "moment arms change sign"), ("fibre", FIBRES_OUTSIDE)):
         names = [finding.muscle for finding in checked.findings if word in finding.what]
@@ -122,7 +122,7 @@ def check(
     """
     if model.suffix.lower() == ".toml":
         raise InputError(model, "this is no model of muscles", "a run checks a scene: vtkmuscle run")
-    from vtkmuscle.opensim import check_model, write_opensim
+    from vtkmuscle.opensim import check_model
 
     if (repair is None) != (scene is None) or (repair is not None and not replace):
         raise InputError("--repair", "a repair takes a scene and muscles", "give --scene and --replace too")
@@ -132,9 +132,8 @@ def check(
     pages = io.Outputs.for_file(page, [model, scene], overwrite=overwrite)
     pages.check(page.with_suffix(".csv"))
     if repair is not None and scene is not None:
-        with io.Outputs.for_file(repair, [model, scene], overwrite=overwrite):
-            repaired = write_opensim(scene, repair, into=model, replace=pairs(replace))
-        for new in repaired:
+        theirs = pairs(replace)
+        for new in vtkmuscle.export(scene, repair, into=model, replace=theirs, overwrite=overwrite):
             typer.echo(f"{new.out.name}: {new}", err=json)
         model = repair
     checked = check_model(model)

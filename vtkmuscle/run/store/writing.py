@@ -21,7 +21,7 @@ from vtkmuscle.run import store
 from vtkmuscle.run.frames import STAMPS, MuscleTrack, WrittenFile
 from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, TRACK_FIELDS, MuscleNote, ResultFolder, RunNote
 from vtkmuscle.scene.data import SceneData
-from vtkmuscle.scene.schema_types import checked_name
+from vtkmuscle.scene.schema import checked_name
 
 if TYPE_CHECKING:
     from vtkmuscle.run.result import Result
