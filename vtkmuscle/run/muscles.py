@@ -25,7 +25,7 @@ from vtkmuscle.filters.base.running import upstream
 from vtkmuscle.filters.deformer import read_shape
 from vtkmuscle.io.fibre_table import spread
 from vtkmuscle.pipelines import MusclePipeline
-from vtkmuscle.run.frames import MuscleTrack, RunOptions, WrittenFile
+from vtkmuscle.run.frames import MuscleTrack, RunOptions
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report_values import architecture_of, fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.store.writing import ResultWriter
@@ -210,12 +210,12 @@ class MuscleRun:
     def _keep(self, row: dict[str, Any], deformed: vtkPolyData | None, fibres: vtkPolyData | None) -> None:
         """Keep a frame, all or nothing, in files if the run has a folder, else in memory."""
         number, now = row["frame"], row["time"]
-        kept: tuple[vtkPolyData | WrittenFile | None, vtkPolyData | WrittenFile | None]
+        kept: tuple[Any, Any] = None, fibres
         if self.run.store is not None:
             with self._timed("writing"):
                 kept = self.run.store.write_frame(self.name, number, deformed, fibres)
-        else:
-            kept = deformed and arrays.with_points(self.track.rest, arrays.points_of(deformed)), fibres
+        elif deformed is not None:
+            kept = arrays.with_points(self.track.rest, arrays.points_of(deformed)), fibres
         for frames, frame in zip((self.track.surfaces, self.track.fibres), kept, strict=True):
             if frame is not None:
                 frames.append(frame)
