@@ -67,14 +67,12 @@ class MuscleRun:
     with ``others`` is measured, and with ``muscle_contact`` ``"on"`` the muscle is kept out of ``others``.
     """
 
-    def __init__(
-        self, run: SceneRun, name: str, track: MuscleTrack, others: Sequence[MuscleRun] = ()
-    ) -> None:
+    def __init__(self, run: SceneRun, name: str, others: Sequence[MuscleRun] = ()) -> None:
         self.run, self.scene, self.clock = run, run.scene, run.options.clock
-        self.name, self.track, self.others = name, track, others
+        self.name, self.track, self.others = name, MuscleTrack(), others
         self.deformer: PathDeformer | PBDDeformer | None = None
         self.seconds: dict[str, float] = {}
-        track.report["seconds"] = self.seconds
+        self.track.report["seconds"] = self.seconds
 
     def go(self) -> None:
         """Run all stages; a stopped run raises an AbortedError and keeps its complete frames."""

@@ -196,7 +196,7 @@ def _solve(
 
     def solve(name: str) -> MuscleTrack:
         """Solve a muscle in this process; later muscles may meet it."""
-        muscle = MuscleRun(run, name, MuscleTrack(), tuple(others))
+        muscle = MuscleRun(run, name, tuple(others))
         muscle.go()
         others.extend([muscle] * (run.scene.muscle_contact != "off"))
         return muscle.track
