@@ -58,6 +58,7 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
         odd = check_sense(scene) if options.sense else []
         if store is not None:
             stack.enter_context(claimed(store.path, scene, overwrite=options.overwrite))
+            stack.callback((pool or ExitStack()).close)  # no process writes when the folder is tidied
         own = {"taken_over": list(tracks), "sense": [str(error) for error in odd]}
         report = _first_report(run, tracks) | own
         result_of = partial(_result, run, report, bones := DrawnBones(scene.bones_data()))
