@@ -246,9 +246,8 @@ def _exported(
         mean = lengths[:, members].mean(axis=1) / 1000.0
         mean_arms = {at: arms[at].arms[:, members].mean(axis=1) / unit for at, unit in units.items()}
         if lines is None:
-            path: FunctionPath | PointPath = fit_length(
-                mean, {each: values[each] for each in mean_arms}, mean_arms
-            )
+            columns = {each: values[each] for each in mean_arms}
+            path: FunctionPath | PointPath = fit_length(mean, columns, mean_arms)
         else:
             line, fitted = lines[:, members].mean(axis=1), (run.ends[name], mean, mean_arms)
             path = fit_points(line, tree, values, *fitted, tolerance=TOLERANCE)

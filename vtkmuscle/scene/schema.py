@@ -136,13 +136,7 @@ Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 Direction = Annotated[Triple, AfterValidator(_direction)]
 
 
-#: Number of coordinates of each kind of joint, None for any, and its required and optional keys.
-JOINT_KINDS: dict[str, tuple[int | None, tuple[str, ...], tuple[str, ...]]] = {
-    "pin": (1, ("centre", "axis"), ("coordinates",)),
-    "ball": (3, ("centre",), ("axes", "coordinates")),
-    "weld": (0, (), ("centre",)),
-    "custom": (None, ("centre",), ("coordinates", "rotations", "translations")),
-}
+JOINT_KINDS, MOTION_KINDS = _KEYS["joint_kinds"], _KEYS["motion_kinds"]
 
 
 def _ascending(ends: list[float]) -> list[float]:
