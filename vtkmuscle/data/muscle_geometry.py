@@ -237,7 +237,7 @@ def _aponeurosis(
         if sheet.side == side:
             _check_distance(sheet.points, geometry, label)
             ring = AttachmentArea("origin", "", sheet.points, closed=True)
-            shapes.append(ring if sheet.is_ring else (sheet.points, sheet.triangles))
+            shapes.append((sheet.points, sheet.triangles) if len(sheet.triangles) else ring)
     if not shapes:
         raise InputError(where, f"there is no {side} aponeurosis", "give both, proximal and distal")
     surface = _together(shapes, geometry, label, takes=(1.0, 1.0))

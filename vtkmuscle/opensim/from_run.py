@@ -235,8 +235,7 @@ def _exported(
     result, tree, values, lengths = run.result, run.tree, run.values, run.result.lengths[name]
     if len(lengths) < len(result.frames):
         raise InputError("", f"muscle {name!r} has {len(lengths)} of {len(result.frames)} frames")
-    spans = {each: (column.min(), column.max()) for each, column in values.items()}
-    rest = {each: np.clip([tree.coordinate(each).rest], *span) for each, span in spans.items()}
+    rest = {q: np.clip([tree.coordinate(q).rest], column.min(), column.max()) for q, column in values.items()}
     lines = _lines(run, name) if points else None
     number_of, arms = group_fibres(lengths, options.groups), result.moment_arms()[name]
     units = {each: 1000.0 if tree.coordinate(each).is_angle else 1.0 for each in run.crossed[name]}
