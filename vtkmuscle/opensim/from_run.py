@@ -87,7 +87,7 @@ def export(
     overwrite: bool = False,
     **options: Any,
 ) -> list[ExportedMuscle]:
-    """Write the muscles of a scene with joints to OpenSim or MuJoCo.
+    """Write the muscles of a scene with joints to OpenSim or MuJoCo, and return them with errors.
 
     Next to the model are ``NAME_errors.csv`` and, for a new model, meshes of bones and muscles in
     ``Geometry``. In MuJoCo muscles are tendons with actuators.
@@ -109,11 +109,6 @@ def export(
         Whether files from elsewhere are replaced; inputs never are.
     **options
         Attributes of :class:`~vtkmuscle.opensim.Export`.
-
-    Returns
-    -------
-    list of ExportedMuscle
-        The muscles as written, and their errors.
 
     Raises
     ------

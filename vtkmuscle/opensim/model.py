@@ -64,7 +64,7 @@ class OsimModel:
 
 
 def read_osim(path: str | PathLike[str]) -> OsimModel:
-    """Read a model of OpenSim 3 or 4, without OpenSim.
+    """Read a model of OpenSim 3 or 4, without OpenSim. All lengths are in metres.
 
     Parameters
     ----------
@@ -73,11 +73,6 @@ def read_osim(path: str | PathLike[str]) -> OsimModel:
         Custom; constant, linear, polynomial, piecewise linear, sine and SimmSpline functions and
         multiples of a function; CoordinateCouplerConstraints of 1 coordinate; fixed, conditional and
         moving path points; paths as polynomials of coordinates.
-
-    Returns
-    -------
-    OsimModel
-        All lengths in metres.
 
     Raises
     ------
