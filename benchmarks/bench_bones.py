@@ -57,7 +57,7 @@ def measure(name, surface, rng, *, cell):
     print(
         f"{name:8s} cell {bone.cell:4.2f} mm: error p50 {p50:.4f} p95 {p95:.4f} max {worst:.3f} "
         f"mm, wrong sign {100 * wrong:.3f} %, "
-        f"whole surface filled in {seconds:.2f} s, {bone.n_known} nodes"
+        f"whole surface filled in {seconds:.2f} s, {np.count_nonzero(bone.look_up().nodes)} nodes"
     )
     # A step that presses points of the surface a millimetre into the bone, and what is left after one call.
     start = near_surface(*surface, rng, count=20_000, distance=0.0)

@@ -314,12 +314,12 @@ def superficial_pieces(points: Floats, offsets: Ints, muscle: Floats) -> Superfi
     Points (n, 3) [mm]; first point of each fibre, and n. The longest piece is :data:`LONGEST_PIECE` of the
     extent of the muscle's points (m, 3).
     """
-    a, b, lengths = proper_segments(points, offsets)
+    starts, step, lengths = proper_segments(points, offsets)
     counts = np.ceil(lengths / (LONGEST_PIECE * extent(muscle))).astype(np.int64)
-    segment = np.repeat(np.arange(len(a)), counts)
+    segment = np.repeat(np.arange(len(starts)), counts)
     within = np.arange(len(segment)) - np.repeat(np.cumsum(counts) - counts, counts)
-    step, share = b - a, (within + 0.5) / counts[segment]
-    middles = a[segment] + share[:, None] * step[segment]
+    share = (within + 0.5) / counts[segment]
+    middles = points[starts][segment] + share[:, None] * step[segment]
     return SuperficialFibres(middles, (step / lengths[:, None])[segment], (lengths / counts)[segment])
 
 

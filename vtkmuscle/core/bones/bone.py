@@ -132,11 +132,6 @@ class Bone:
         low, high = self.box_along_axes
         return float(np.linalg.norm(high - low)) / CELLS_PER_DIAGONAL
 
-    @property
-    def n_known(self) -> int:
-        """Number of measured nodes."""
-        return 0 if self._known is None else int(np.count_nonzero(self._known[1].nodes))
-
     def exact(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Return the distances of points from the triangles.
 
@@ -233,14 +228,8 @@ class Bone:
                 problem = f"cells of {cell:g} mm are too small for the field of a bone of its size"
                 raise InputError(self.name, problem)
             cells *= 0.75
-        return reach, Field(
-            np.zeros(counts.astype(np.int64), dtype=np.float64),
-            first,
-            np.concatenate([low, high]),
-            cell,
-            1.0 / cell,
-            np.zeros(2, dtype=np.int64),
-        )
+        nodes, box = np.zeros(counts.astype(np.int64)), np.concatenate([low, high])
+        return reach, Field(nodes, first, box, cell, 1.0 / cell, np.zeros(2, dtype=np.int64))
 
     def _measured(self, field: Field, nodes: Floats) -> Floats:
         """Return exact distances at positions in a field's cells, (n, 3) from its first node."""
@@ -289,15 +278,9 @@ def bone_axes(points: Floats) -> Floats:
 
 @kernel
 def _look_up(
-    field: Field,
-    axes: Floats,
-    points: Floats,
-    within: Floats,
-    lacks: Bools,
-    distance: Floats,
-    outward: Floats,
-    work: Floats,
-) -> None:
+    field: Field, axes: Floats, points: Floats, within: Floats, lacks: Bools, distance: Floats,
+    outward: Floats, work: Floats,
+) -> None:  # fmt: skip
     """Do the work of :meth:`Bone.field`. lacks : (n,), points with unknown nodes;  work : (2, 3), memory."""
     at, normal = work[0], work[1]
     for i in range(len(points)):

@@ -106,11 +106,9 @@ class BoneContact:
             distance, _ = bone.field(self.rest, within=self.clearance)
             inside = int((distance[self.free] < 0.0).sum())
             if inside > SWALLOWED * self.free.sum():
-                warnings.warn(
-                    f"{bone.name}: {inside} of the muscle's {self.free.sum()} free points are inside at rest "
-                    "and may stay as deep; check that bone and muscle are in the same frame and unit",
-                    stacklevel=2,
-                )
+                problem = f"{inside} of the muscle's {self.free.sum()} free points are inside at rest "
+                problem += "and may stay as deep; check that bone and muscle are in the same frame and unit"
+                warnings.warn(f"{bone.name}: {problem}", stacklevel=2)
             self._levels[number] = np.minimum(distance, self.clearance)
         return self._levels[number]
 
@@ -138,8 +136,7 @@ class PoseContact:
         self._contact, self._transforms, self._centre = contact, transforms, centre
         self._muscles = MuscleContact(neighbours, contact.free, centre) if neighbours else None
         self._low, self._high = contact.boxes.moved(transforms, centre)
-        self._seen: dict[int, tuple[Floats, Floats, Floats, Floats]] = {}
-        self._fields: dict[int, Field] = {}
+        self._seen: dict[int, tuple[Field, Floats, Floats, Floats, Floats]] = {}
         self._met, self._work = np.empty(len(contact.bones), dtype=np.bool_), np.empty((2, 3))
         self._waiting = np.empty(len(contact.rest), dtype=np.bool_)
 
@@ -154,39 +151,28 @@ class PoseContact:
             if met:
                 bone, levels = contact.bones[number], contact.levels(number)
                 seen = self._seen.get(number) or self._first_look(number)
-                more, field, wanted = (levels, contact.clearance, moved), self._fields[number], contact.free
-                while _keep_out(field, *seen, p, wanted, self._waiting, *more, self._work):
-                    bone.fill(field)
+                wanted, more = contact.free, (levels, contact.clearance, moved, self._work)
+                while _keep_out(*seen, p, wanted, self._waiting, *more):
+                    bone.fill(seen[0])
                     wanted = self._waiting.copy()
         return moved
 
-    def _first_look(self, number: int) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return transforms to a bone's axes and back, and memory for the look-ups of points."""
-        contact = self._contact
+    def _first_look(self, number: int) -> tuple[Field, Floats, Floats, Floats, Floats]:
+        """Return a bone's field, transforms to its axes and back, and memory for the look-ups of points."""
+        contact, bone = self._contact, self._contact.bones[number]
         transform = np.array(self._transforms[contact.boxes.indices[number]])
         transform[:3, 3] -= self._centre
-        back = transform @ inverse(contact.bones[number].axes)
-        self._fields[number] = contact.bones[number].look_up(contact.clearance)
-        n = len(contact.rest)
-        self._seen[number] = inverse(back), back, np.zeros((n, 3)), np.zeros(n)
+        back, n = transform @ inverse(bone.axes), len(contact.rest)
+        field = bone.look_up(contact.clearance)
+        self._seen[number] = field, inverse(back), back, np.zeros((n, 3)), np.zeros(n)
         return self._seen[number]
 
 
 @kernel
 def _keep_out(
-    field: Field,
-    to_axes: Floats,
-    back: Floats,
-    seen_at: Floats,
-    squares: Floats,
-    p: Floats,
-    wanted: Bools,
-    waiting: Bools,
-    levels: Floats,
-    clearance: float,
-    moved: Bools,
-    work: Floats,
-) -> bool:
+    field: Field, to_axes: Floats, back: Floats, seen_at: Floats, squares: Floats, p: Floats, wanted: Bools,
+    waiting: Bools, levels: Floats, clearance: float, moved: Bools, work: Floats,
+) -> bool:  # fmt: skip
     """Do the work of :meth:`PoseContact.keep_out` for a bone; return whether points wait for nodes.
 
     seen_at, squares : (n, 3), (n,), position of a point's look-up, and the square of the distance that the

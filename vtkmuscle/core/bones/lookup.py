@@ -89,11 +89,8 @@ def least_distance_at(field: Field, x: float, y: float, z: float, enough: float)
     if least > enough:
         return least
     u, v, w = _in_cells(field, x, y, z)
-    a, b, c = (
-        COARSE * np.floor(u / COARSE + 0.5),
-        COARSE * np.floor(v / COARSE + 0.5),
-        COARSE * np.floor(w / COARSE + 0.5),
-    )
+    a, b, c = np.floor(u / COARSE + 0.5), np.floor(v / COARSE + 0.5), np.floor(w / COARSE + 0.5)
+    a, b, c = COARSE * a, COARSE * b, COARSE * c
     if not _holds(field, a, b, c, 0):
         return np.nan
     i, j, k = np.int64(a), np.int64(b), np.int64(c)
@@ -158,12 +155,8 @@ def _over_plane(
     here0, onward0, all0 = _over_line(field, i, j, k, w)
     here1, onward1, all1 = _over_line(field, i, j + 1, k, w)
     here2, onward2, all2 = _over_line(field, i, j + 2, k, w)
-    return (
-        _value(here0, here1, here2, v),
-        _growth(here0, here1, here2, v),
-        _value(onward0, onward1, onward2, v),
-        all0 & all1 & all2,
-    )
+    value, growth = _value(here0, here1, here2, v), _growth(here0, here1, here2, v)
+    return value, growth, _value(onward0, onward1, onward2, v), all0 & all1 & all2
 
 
 @lane

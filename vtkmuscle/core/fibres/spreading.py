@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.polylines import evenly_spaced, segment_lengths, smooth_polylines
+from vtkmuscle.core.mesh.polylines import evenly_spaced, smooth_polylines, stations_of
 from vtkmuscle.core.mesh.sampling import space_order
 from vtkmuscle.core.mesh.surface import sorted_into_bins
 from vtkmuscle.core.types import Floats, Ints
@@ -119,14 +119,9 @@ def move_ends(points: Floats, ends: Ints, opposite: Ints, targets: Floats) -> No
 
 def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
     """Interpolate shifts (k, STATIONS, 3) to the points of fibres."""
-    along, counts = segment_lengths(points, offsets)[1], np.diff(offsets)
-    begins, line = along[offsets[:-1]], np.repeat(np.arange(len(counts)), counts)
-    lengths = (along[offsets[1:] - 1] - begins)[line]
-    at = np.divide(along - begins[line], lengths, out=np.zeros(len(points)), where=lengths > 0.0)
-    at *= STATIONS - 1
-    station = np.minimum(at.astype(np.int64), STATIONS - 2)
-    share = np.minimum(at - station, 1.0)[:, None]
-    return np.asarray((1.0 - share) * shifts[line, station] + share * shifts[line, station + 1])
+    line, station, share = stations_of(points, offsets, STATIONS)
+    low, high = shifts[line, station], shifts[line, station + 1]
+    return np.asarray((1.0 - share)[:, None] * low + share[:, None] * high)
 
 
 def _across(lines: Floats, pulls: Floats, weights: Floats, blur: Floats) -> Floats:
@@ -151,8 +146,7 @@ def _blur(passes: int) -> Floats:
 def _square_to(nodes: Floats, i: int, x: float, y: float, z: float) -> float:
     """Return the squared distance of a node from a position."""
     dx, dy, dz = nodes[i, 0] - x, nodes[i, 1] - y, nodes[i, 2] - z
-    square: float = dx * dx + dy * dy + dz * dz
-    return square
+    return float(dx * dx + dy * dy + dz * dz)
 
 
 def _pulls(

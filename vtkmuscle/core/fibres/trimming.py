@@ -35,8 +35,6 @@ CUTS = (1.0, 0.8, 1.2, 0.6, 1.4, 0.4, 1.7, 0.2, 2.0, 0.0)
 CHECKS = (np.arange(16) + 0.5) / 16.0
 #: Least distance of spread ends, as a part of an even spacing; closer ends meet.
 LEAST_SPREAD = 0.1
-#: Slack of distances from rays, as a part of the lengths: a root of rounding, which must hide no triangle.
-NEAR = 1e-7
 #: Fibres assigned to an area at once; the time grows with the cube of the number.
 BATCH = 256
 
@@ -285,39 +283,27 @@ def closest_to_rays(starts: Floats, ahead: Floats, tree: TriangleTree) -> Floats
 
     Starts (k, 3) and unit directions `ahead` (k, 3) of the rays. Of equal points the first along the ray.
     """
-    corners = tree.corners
-    centres = corners.mean(axis=1)
-    radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
-    away = cdist(starts, centres)
-    along = np.maximum(ahead @ centres.T - (starts * ahead).sum(axis=1)[:, None], 0.0)
-    distances = np.sqrt(np.maximum(away * away - along * along, 0.0))
-    limits = (distances + radii).min(axis=1) + NEAR * away.max(axis=1)
-    ray, triangle = np.nonzero(distances - radii <= limits[:, None])
-    start, direction, a = starts[ray], ahead[ray], corners[triangle, 0]
-    e, f = corners[triangle, 1] - a, corners[triangle, 2] - a
-    normals = np.cross(e, f)
-    _, nearest, apart = tree.nearest(starts)
-    found = [(np.arange(len(starts)), nearest, np.zeros(len(starts)), apart)]  # rays, points, arcs, distances
-    with np.errstate(divide="ignore", invalid="ignore"):  # triangles without area, or along the ray
-        t = (normals * (a - start)).sum(axis=1) / (normals * direction).sum(axis=1)
-        at, sizes = start + t[:, None] * direction, (normals * normals).sum(axis=1)
-        u = (normals * np.cross(at - a, f)).sum(axis=1) / sizes
-        v = (normals * np.cross(e, at - a)).sum(axis=1) / sizes
-    through = (t >= 0.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
-    found.append((ray[through], at[through], t[through], np.zeros(int(through.sum()))))
-    for side in range(3):
-        p = corners[triangle, side]
-        edge = corners[triangle, (side + 1) % 3] - p
-        s, t = _nearest_to_ray(start - p, direction, edge)
-        at = p + s[:, None] * edge
-        found.append((ray, at, t, np.linalg.norm(start + t[:, None] * direction - at, axis=1)))
-    rays, points, t, distance = (np.concatenate(part) for part in zip(*found, strict=True))
-    best = np.lexsort((t, distance, rays))
-    return np.asarray(points[best[np.unique(rays[best], return_index=True)[1]]])
+    corners, (_, nearest, away) = tree.corners, tree.nearest(starts)
+    edges = np.roll(corners, -1, axis=1) - corners
+    normals, closest = np.cross(edges[:, 0], edges[:, 1]), np.empty_like(starts)
+    for number, (start, direction) in enumerate(zip(starts, ahead, strict=True)):
+        with np.errstate(divide="ignore", invalid="ignore"):  # triangles without area, or along the ray
+            t = ((corners[:, 0] - start) * normals).sum(axis=1) / (normals * direction).sum(axis=1)
+            at = start + t[:, None] * direction
+            sides = (np.cross(edges, at[:, None] - corners) * normals[:, None]).sum(axis=2)
+        through = (t >= 0.0) & (sides >= 0.0).all(axis=1)
+        ends, sides = corners.reshape(-1, 3), edges.reshape(-1, 3)
+        s, arcs = _nearest_to_ray(start - ends, direction, sides)
+        on_edges = ends + s[:, None] * sides
+        apart = np.linalg.norm(start + arcs[:, None] * direction - on_edges, axis=1)
+        points = np.vstack([nearest[number], at[through], on_edges])
+        distances = np.concatenate([away[[number]], np.zeros(int(through.sum())), apart])
+        closest[number] = points[np.lexsort((np.concatenate([[0.0], t[through], arcs]), distances))[0]]
+    return closest
 
 
 def _nearest_to_ray(to_start: Floats, ahead: Floats, edges: Floats) -> tuple[Floats, Floats]:
-    """Return parameters of closest approach of edges and rays (Ericson 2005, section 5.1.9)."""
+    """Return parameters of closest approach of edges and a ray (Ericson 2005, section 5.1.9)."""
     ee, ea = (edges * edges).sum(axis=1), (edges * ahead).sum(axis=1)
     es, as_ = (edges * to_start).sum(axis=1), (to_start * ahead).sum(axis=1)
     apart = ee - ea * ea

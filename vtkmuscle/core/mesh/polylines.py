@@ -71,6 +71,20 @@ def evenly_spaced(points: Floats, offsets: Ints, count: int) -> Floats:
     return spaced
 
 
+def stations_of(points: Floats, offsets: Ints, count: int) -> tuple[Ints, Ints, Floats]:
+    """Return each point's line, the station before, and the part of the way to the next, (n,) each.
+
+    The stations, `count` >= 2 of a line, are as far apart as those of :func:`evenly_spaced`.
+    """
+    along, counts = segment_lengths(points, offsets)[1], np.diff(offsets)
+    line, begins = np.repeat(np.arange(len(counts)), counts), along[offsets[:-1]]
+    lengths = (along[offsets[1:] - 1] - begins)[line]
+    at = np.divide(along - begins[line], lengths, out=np.zeros(len(points)), where=lengths > 0.0)
+    at *= count - 1
+    station = np.minimum(at.astype(np.int64), count - 2)
+    return line, station, np.minimum(at - station, 1.0)
+
+
 def end_directions(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
     """Return unit tangents (m, 3) at first and last points.
 
@@ -124,13 +138,13 @@ def segments(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
     return points[starts], points[starts + 1]
 
 
-def proper_segments(points: Floats, offsets: Ints) -> tuple[Floats, Floats, Floats]:
-    """Return ends and lengths of proper segments. Ends (s, 3), lengths (s,) > 0; at least one segment."""
-    a, b = segments(points, offsets)
-    lengths = np.linalg.norm(b - a, axis=1)
-    if not lengths.any():
+def proper_segments(points: Floats, offsets: Ints) -> tuple[Ints, Floats, Floats]:
+    """Return first points, steps (s, 3) and lengths (s,) > 0 of segments; at least one segment."""
+    lengths = segment_lengths(points, offsets)[0][1:]
+    starts = np.flatnonzero(lengths)
+    if not len(starts):
         raise InputError("", "all fibres have length 0, so there is no direction")
-    return a[lengths > 0.0], b[lengths > 0.0], lengths[lengths > 0.0]
+    return starts, points[starts + 1] - points[starts], lengths[starts]
 
 
 def segment_distances(points: Floats, a: Floats, b: Floats) -> Floats:

@@ -105,7 +105,7 @@ class PatchSamples:
         exponent = int(np.ceil(np.log2(count)))
         key = exponent, seed
         if key not in self._dense:
-            self._dense[key] = self._sampled(_sobol(exponent, seed))
+            self._dense[key] = self._sampled(sobol(2**exponent, 3, first=seed * 2**exponent))
         return self._dense[key]
 
     def even(self, count: int, *, direction: Floats, above: float, seed: int = 0) -> Floats:
@@ -132,14 +132,6 @@ class PatchSamples:
             return np.asarray((1.0 - u[:, 1:2]) * a + u[:, 1:2] * b)
         root = np.sqrt(u[:, 1:2])  # uniform over it: Osada et al. 2002, doi:10.1145/571647.571648
         return np.asarray((1.0 - root) * a + root * (1.0 - u[:, 2:]) * b + root * u[:, 2:] * third[0])
-
-
-@lru_cache(maxsize=16)
-def _sobol(exponent: int, seed: int) -> Floats:
-    """Return 2^exponent numbers (k, 3) of a low-discrepancy sequence. In [0, 1)."""
-    numbers = sobol(2**exponent, 3, first=seed * 2**exponent)
-    numbers.setflags(write=False)
-    return numbers
 
 
 def uneven_weights(count: int) -> Floats:
@@ -226,11 +218,12 @@ def samples_inside(inside: Callable[[Floats], Bools], points: Floats, count: int
 BITS = 30
 
 
+@lru_cache(maxsize=16)
 def sobol(count: int, dimension: int, *, first: int = 0) -> Floats:
     """Return points (count, dimension <= 3) of Sobol's sequence in [0, 1), from number `first`.
 
     Direction numbers of Joe, Kuo 2008, doi:10.1137/070709359, in Gray code's order. SciPy's own, the same to
-    the last digit, takes half a second to import.
+    the last digit, takes half a second to import. The points are kept, and must not be changed.
     """
     odd = [[1] * BITS, [1], [1, 3]]
     for _ in range(BITS):  # x + 1 and x^2 + x + 1, the primitive polynomials

@@ -232,7 +232,6 @@ class Solids:
     computation using the angle weighted pseudonormal*, doi:10.1109/TVCG.2005.49).
     """
 
-    points: Floats  # (n, 3), of the surface
     #: Solid parts, closed and facing outward. Boxes of parts in a tree are disjoint: a point inside a part
     #: has its nearest triangle there.
     trees: tuple[TriangleTree, ...]
@@ -309,7 +308,7 @@ def solids_of(points: Floats, triangles: Ints) -> Solids:
     groups = _disjoint_groups(closed.points, parts)
     trees = tuple(triangle_tree(closed.points, np.concatenate(group)) for group in groups)
     flat = triangle_tree(closed.points, np.concatenate(sheets)) if sheets else None
-    return Solids(closed.points, trees, flat, closed.remarks)
+    return Solids(trees, flat, closed.remarks)
 
 
 def _disjoint_groups(points: Floats, parts: list[Ints]) -> list[list[Ints]]:

@@ -179,9 +179,9 @@ def survey(points: Floats, triangles: Ints) -> SurfaceReport:
 
 def check_volume(points: Floats, volume: float) -> None:
     """Raise a ValueError for a surface without volume. Points (n, 3) [mm], volume [mm^3]."""
-    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
-    if abs(volume) <= LEAST_VOLUME * diagonal**3:
-        problem = f"the surface encloses no volume ({volume:.3g} within a box of diagonal {diagonal:.3g})"
+    size = diagonal(points)
+    if abs(volume) <= LEAST_VOLUME * size**3:
+        problem = f"the surface encloses no volume ({volume:.3g} within a box of diagonal {size:.3g})"
         raise InputError("", problem, "give a closed surface with all triangles facing outward")
 
 

@@ -208,8 +208,7 @@ def distance2_to_box(box: Floats, x: float, y: float, z: float) -> float:
     dx = max(box[0] - x, x - box[3], 0.0)
     dy = max(box[1] - y, y - box[4], 0.0)
     dz = max(box[2] - z, z - box[5], 0.0)
-    distance2: float = dx * dx + dy * dy + dz * dz
-    return distance2
+    return float(dx * dx + dy * dy + dz * dz)
 
 
 def pseudonormals(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:

@@ -15,21 +15,16 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.harmonic import harmonic_extension, triangle_gradients
 from vtkmuscle.core.mesh.normals import perpendiculars, triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.sampling import PatchSamples
-from vtkmuscle.core.morphing.correspondence import (
-    N_STARTS,
-    LoopStack,
-    cyclic_products,
-    sampled_loop,
-)
+from vtkmuscle.core.morphing.correspondence import N_STARTS, LoopStack, cyclic_products, sampled_loop
 from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
 from vtkmuscle.core.morphing.slices import (
     GRAIN,
     SAME_HEIGHT,
     Box,
     Morph,
-    SliceMaps,
     Slicing,
     guide_levels,
+    mapped_points,
     shared_levels,
     slice_maps,
 )
@@ -109,7 +104,7 @@ def morph_by_isolines(points: Floats, transform: Floats, course: IsolineCourse, 
     distance from origin to insertion, measured on the surface and averaged around the isoline. Isolines and
     the planes' rectangles are matched with least twist between neighbours and least squared distances; the
     distances count less in parts of the muscle bent away from the box's axis. Fibre ends at the template's
-    bottom and top go to the nearest mapped_points of the areas.
+    bottom and top go to the nearest points of the areas.
 
     points, transform, slicing : as for :func:`morph_by_planes`;
     course : IsolineCourse, isolines of the muscle in any pose.
@@ -135,11 +130,11 @@ def morph_by_isolines(points: Floats, transform: Floats, course: IsolineCourse, 
     axes[~axes.any(axis=1), 2] = 1.0  # along z for a zero area
     views = np.array([[*perpendiculars(axis), axis] for axis in axes])
     maps = slice_maps(rings, stack(guides)[0], box, slicing.continuity * course.length, views)
-    mapped = SliceMaps(maps, hits, views).positions(inside, heights, levels, slice_of)
-    mapped_points, ends = box.positions(mapped), (fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT)
+    mapped = box.positions(mapped_points(inside, heights, levels, slice_of, maps, hits))
+    ends = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
     for area, end in zip(course.areas, ends, strict=True):
-        mapped_points[end] = area.tree.nearest(mapped_points[end])[1]
-    return Morph(mapped_points, course.share, 0.0)
+        mapped[end] = area.tree.nearest(mapped[end])[1]
+    return Morph(mapped, course.share, 0.0)
 
 
 def isoline_distances(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:

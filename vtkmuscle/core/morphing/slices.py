@@ -63,42 +63,31 @@ class Slicing(NamedTuple):
     continuity: float
 
 
-class SliceMaps(NamedTuple):
-    """Maps of the template's rectangle to sections of a muscle.
+def mapped_points(
+    inside: Floats, heights: Floats, levels: Floats, slice_of: Ints, maps: Sequence[SectionMap], hits: Ints
+) -> Floats:
+    """Return template points (n, k) in the muscle's sections [mm].
 
-    `hits` (l,) are the numbers of the sections' levels. Sections in space are viewed along z after the
-    rotations `views` (l, 3, 3).
+    A point off its slice's level is interpolated between the maps of the slice and of the next slice on its
+    side. A level without a section, by rounding, takes the section of the nearest level. Points (n, 2) or
+    wider are in the rectangle; heights (n,) and ascending levels (h,) have one unit; `slice_of` (n,) is the
+    level of each point, `hits` (l,) are the numbers of the sections' levels.
     """
-
-    maps: Sequence[SectionMap]
-    hits: Ints
-    views: Floats | None
-
-    def positions(self, inside: Floats, heights: Floats, levels: Floats, slice_of: Ints) -> Floats:
-        """Return template points (n, k) in the muscle's sections [mm].
-
-        A point off its slice's level is interpolated between the maps of the slice and of the next slice on
-        its side. A level without a section, by rounding, takes the section of the nearest level. Points (n,
-        2) or wider are in the rectangle; heights (n,) and ascending levels (h,) have one unit; `slice_of`
-        (n,) is the level of each point.
-        """
-        above = heights - levels[slice_of]
-        adjacent = slice_of + np.sign(above).astype(np.int64)
-        apart = np.abs(above) > SAME_HEIGHT * (levels[-1] - levels[0])
-        shared = np.flatnonzero(apart & (adjacent >= 0) & (adjacent < len(levels)))
-        shares = above[shared] / (levels[adjacent[shared]] - levels[slice_of[shared]])
-        weights = np.concatenate([np.ones(len(inside)), shares])
-        weights[shared] -= shares
-        points = np.concatenate([np.arange(len(inside)), shared])
-        order, starts = sorted_into_bins(np.concatenate([slice_of, adjacent[shared]]), len(levels))
-        positions = np.zeros((len(inside), self.maps[0].ring.shape[1]))
-        flat = np.ascontiguousarray(inside[:, :2])
-        for level, members in enumerate(np.split(order, starts[1:-1])):
-            number = int(np.abs(self.hits - level).argmin())
-            mapped = self.maps[number].positions(flat[points[members]])
-            turned = mapped if self.views is None else mapped @ self.views[number]
-            positions[points[members]] += weights[members, None] * turned
-        return positions
+    above = heights - levels[slice_of]
+    adjacent = slice_of + np.sign(above).astype(np.int64)
+    apart = np.abs(above) > SAME_HEIGHT * (levels[-1] - levels[0])
+    shared = np.flatnonzero(apart & (adjacent >= 0) & (adjacent < len(levels)))
+    shares = above[shared] / (levels[adjacent[shared]] - levels[slice_of[shared]])
+    weights = np.concatenate([np.ones(len(inside)), shares])
+    weights[shared] -= shares
+    points = np.concatenate([np.arange(len(inside)), shared])
+    order, starts = sorted_into_bins(np.concatenate([slice_of, adjacent[shared]]), len(levels))
+    positions = np.zeros((len(inside), maps[0].ring.shape[1]))
+    flat = np.ascontiguousarray(inside[:, :2])
+    for level, members in enumerate(np.split(order, starts[1:-1])):
+        section = maps[int(np.abs(hits - level).argmin())]
+        positions[points[members]] += weights[members, None] * section.positions(flat[points[members]])
+    return positions
 
 
 def slice_maps(
@@ -106,7 +95,8 @@ def slice_maps(
 ) -> Sequence[SectionMap]:
     """Return the maps to sections, with loops counterclockwise about z [mm].
 
-    Guiding loops and continuity as of :func:`followed_starts`; views of :class:`SliceMaps`.
+    Guiding loops and continuity as of :func:`followed_starts`. Sections in space are viewed along z after the
+    rotations `views` (l, 3, 3).
     """
     loops = stack.loops
     starts = followed_starts(stack, guides, continuity, np.zeros(2 if views is None else 3))
@@ -114,7 +104,10 @@ def slice_maps(
         loops = [loop @ view.T for loop, view in zip(loops, views, strict=True)]
         starts = np.einsum("lij,lj->li", views, starts)
     pairs = zip(loops, starts, strict=True)
-    return [section_map(loop, start, box.sides, as_printed=continuity == 0.0) for loop, start in pairs]
+    maps = [section_map(loop, start, box.sides, as_printed=continuity == 0.0) for loop, start in pairs]
+    if views is not None:  # back from the views
+        maps = [part._replace(ring=part.ring @ view) for part, view in zip(maps, views, strict=True)]
+    return maps
 
 
 class Box:
@@ -205,8 +198,8 @@ def morph_by_planes(points: Floats, transform: Floats, muscle: ClosedSurface, sl
         branch = course.branch(np.union1d(levels, course.guides))
     slices, hits = branch.stack(levels, 2)
     guides = branch.stack(course.guides, 2)[0]
-    maps = SliceMaps(slice_maps(slices, guides, box, slicing.continuity * box.length), hits, None)
-    across = maps.positions(inside, heights, levels, slice_of)
+    maps = slice_maps(slices, guides, box, slicing.continuity * box.length)
+    across = mapped_points(inside, heights, levels, slice_of, maps, hits)
     return Morph(box.positions(np.column_stack([across, heights])), volume_share, steep_share)
 
 

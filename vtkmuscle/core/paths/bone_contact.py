@@ -113,18 +113,16 @@ class BoneContacts:
         and far by its bound would not come to rest.
         """
         for k, (bone, field) in enumerate(zip(self._bones, self._fields, strict=True)):
-            standoff, points, gaps, normals = self._standoff[k], near.points[k], near.gaps[k], near.normals[k]
-            to_axes, limits = near.to_axes[k], (standoff, self.rounding)
+            standoff, (to_axes, points, gaps, normals) = self._standoff[k], (part[k] for part in near)
+            looked_at = to_axes, x.reshape(-1, 3), standoff, self.rounding, points, gaps, normals, self._work
             while True:
-                beyond = _look_up(
-                    field, to_axes, x.reshape(-1, 3), *limits, points, gaps, normals, self._work
-                )
+                beyond = _look_up(field, *looked_at)
                 if not bone.fill(field):
                     break
             if beyond:
                 far = np.flatnonzero(np.isnan(gaps))
                 distance, outward = bone.exact(apply_transform(inverse(bone.axes), points[far]))
-                turn = near.to_axes[k, :3, :3].T @ bone.axes[:3, :3]
+                turn = to_axes[:3, :3].T @ bone.axes[:3, :3]
                 gaps[far], normals[far] = distance - standoff[far], outward @ turn.T
 
     def sags(self, x: Floats, near: Proximity) -> Floats:
@@ -145,8 +143,7 @@ class BoneContacts:
             middles = 0.5 * (points[:, 1:][may] + points[:, :-1][may])
             distance = bone.field(apply_transform(inverse(bone.axes), middles), within=kept)[0]
             sags[may] = np.maximum(sags[may], kept - distance)
-        deepest: Floats = sags.max(axis=1)
-        return deepest
+        return np.asarray(sags.max(axis=1))
 
     def load(self, k: int, near: Proximity, pressure: Floats) -> Load:
         """Return the load of the k-th piece on paths.
@@ -167,24 +164,16 @@ class BoneContacts:
         turning = turn @ ((sides[0] - sides[1]) / (2.0 * bone.cell)).transpose(1, 2, 0) @ turn.T
         forces, stiffness = np.zeros((*shape, 3)), np.zeros((*shape, 3, 3))
         forces.reshape(-1, 3)[pressed] = force * normals
-        stiffness.reshape(-1, 3, 3)[pressed] = (
-            stiff[..., None] * normals[:, :, None] * normals[:, None] - force[..., None] * turning
-        )
+        pushing = stiff[..., None] * normals[:, :, None] * normals[:, None]
+        stiffness.reshape(-1, 3, 3)[pressed] = pushing - force[..., None] * turning
         return Load(forces, stiffness)
 
 
 @kernel
 def _look_up(
-    field: Field,
-    to_axes: Floats,
-    x: Floats,
-    standoff: Floats,
-    rounding: float,
-    points: Floats,
-    gaps: Floats,
-    normals: Floats,
-    work: Floats,
-) -> int:
+    field: Field, to_axes: Floats, x: Floats, standoff: Floats, rounding: float, points: Floats, gaps: Floats,
+    normals: Floats, work: Floats,
+) -> int:  # fmt: skip
     """Do the work of :meth:`BoneContacts.update` for a bone; return the number of points beyond its field.
 
     x, points, normals : (p, 3), standoff, gaps : (p,); work : (2, 3), memory. Gaps of unknown nodes, and
@@ -219,15 +208,9 @@ def _look_up(
 
 @kernel
 def add_contacts(
-    x: Floats,
-    gaps: Floats,
-    normals: Floats,
-    push: float,
-    rounding: float,
-    gradient: Floats,
-    blocks: Floats,
+    x: Floats, gaps: Floats, normals: Floats, push: float, rounding: float, gradient: Floats, blocks: Floats,
     pressure: Floats,
-) -> None:
+) -> None:  # fmt: skip
     """Add the bones' forces and write their pressures.
 
     Pressures are (b, f, n) [mm]. Along the path a bone that curves away makes the springs less stiff, in

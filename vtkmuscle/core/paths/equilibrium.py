@@ -114,16 +114,12 @@ def add_neighbours(
         press = across * (apart - width * neighbours.distances[e])
         shear = along * (ahead - neighbours.ahead[e] / (width * width))
         f0, f1, f2 = press * u0 + shear * t0, press * u1 + shear * t1, press * u2 + shear * t2
-        gradient[i, 0], gradient[i, 1], gradient[i, 2] = (
-            gradient[i, 0] + f0,
-            gradient[i, 1] + f1,
-            gradient[i, 2] + f2,
-        )
-        gradient[j, 0], gradient[j, 1], gradient[j, 2] = (
-            gradient[j, 0] - f0,
-            gradient[j, 1] - f1,
-            gradient[j, 2] - f2,
-        )
+        gradient[i, 0] += f0
+        gradient[i, 1] += f1
+        gradient[i, 2] += f2
+        gradient[j, 0] -= f0
+        gradient[j, 1] -= f1
+        gradient[j, 2] -= f2
         block = couplings[e]
         block[0] = across * u0 * u0 + along * t0 * t0
         block[1] = across * u0 * u1 + along * t0 * t1
@@ -184,15 +180,9 @@ def prepare_solve(blocks: Floats, pairs: Ints, couplings: Floats, inverses: Floa
 
 @reduction
 def newton_step(
-    gradient: Floats,
-    blocks: Floats,
-    pairs: Ints,
-    couplings: Floats,
-    inverses: Floats,
-    left_over: float,
-    work: Floats,
-    step: Floats,
-) -> float:
+    gradient: Floats, blocks: Floats, pairs: Ints, couplings: Floats, inverses: Floats, left_over: float,
+    work: Floats, step: Floats,
+) -> float:  # fmt: skip
     """Write Newton's step and return its slope.
 
     The step is (f, n, 3); the slope, gradient . step, is negative. Conjugate gradients solve for the step,
@@ -272,11 +262,9 @@ def _precondition(  # noqa: PLR0912 -- each kernel more costs time to compile
             p, q, r = residual[k, i, 0], residual[k, i, 1], residual[k, i, 2]
             if i > 1:
                 h, y = inverses[k, i - 1], solved[k, i - 1]
-                p, q, r = (
-                    p + (h[0] * y[0] + h[1] * y[1] + h[2] * y[2]),
-                    q + (h[1] * y[0] + h[3] * y[1] + h[4] * y[2]),
-                    r + (h[2] * y[0] + h[4] * y[1] + h[5] * y[2]),
-                )
+                p += h[0] * y[0] + h[1] * y[1] + h[2] * y[2]
+                q += h[1] * y[0] + h[3] * y[1] + h[4] * y[2]
+                r += h[2] * y[0] + h[4] * y[1] + h[5] * y[2]
             solved[k, i, 0], solved[k, i, 1], solved[k, i, 2] = p, q, r
     for i in range(n - 2, 0, -1):
         for k in range(f + 1):

@@ -108,8 +108,7 @@ def thin_plate_weights(sites: Floats, points: Floats) -> Floats:
     within, toward = (cdist(x, sites, "sqeuclidean") / size**2 for x in (sites, points))
     bending = xlogy(within, within) + RIDGE * np.eye(len(sites))
     system = np.block([[bending, affine], [affine.T, np.zeros((len(affine.T),) * 2)]])
-    weights: Floats = np.linalg.solve(system, np.hstack([xlogy(toward, toward), at]).T)[: len(sites)].T
-    return weights
+    return np.asarray(np.linalg.solve(system, np.hstack([xlogy(toward, toward), at]).T)[: len(sites)].T)
 
 
 def with_bones(points: Floats, start_bones: Ints, end_bones: Ints, moves: Floats) -> Floats:

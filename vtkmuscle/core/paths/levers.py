@@ -84,8 +84,7 @@ def path_levers(
         """Return the rates of shortening (k,) of all paths; without a twist the ends stay."""
         if carried is not None:
             velocity = carried[0].carry(velocity, None if twist is None else _moved_by(twist, carried[1]))
-        rates: Floats = np.einsum("fni,fni->f", pull, velocity)
-        return rates
+        return np.asarray(np.einsum("fni,fni->f", pull, velocity))
 
     def lever(twist: Floats) -> Floats:
         velocity, by_loads = np.zeros_like(points), np.zeros_like(points)
@@ -162,16 +161,9 @@ def _responses(
 
 @vector_kernel
 def change_gradient(
-    x: Floats,
-    velocity: Floats,
-    held: Floats,
-    neighbours: Neighbours,
-    widths: Floats,
-    widening: Floats,
-    wider: Floats,
-    turning: Floats,
-    change: Floats,
-) -> None:
+    x: Floats, velocity: Floats, held: Floats, neighbours: Neighbours, widths: Floats, widening: Floats,
+    wider: Floats, turning: Floats, change: Floats,
+) -> None:  # fmt: skip
     """Write the change of the gradient with moving points.
 
     Ends move too. The change is the derivative of the gradients from

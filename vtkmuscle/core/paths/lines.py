@@ -5,10 +5,13 @@ Lines over the surface stand in for fibres where a muscle has no fibres.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.harmonic import harmonic_field
+from vtkmuscle.core.mesh.polylines import smooth_polylines
 from vtkmuscle.core.mesh.surface import MeshTopology
 from vtkmuscle.core.types import Floats, Ints
 
@@ -33,61 +36,36 @@ def evenly_spread(points: Floats, offsets: Ints, count: int) -> Floats:
     the slopes of parabolas through three points each. First and last points are the polyline's end points:
     ``points`` (p, 3) [mm], from each of ``offsets`` (f + 1,) to the next.
     """
-    rows, counts = _rows(points, offsets)
-    numbers, last = np.arange(len(rows)), counts - 1
-    steps = np.linalg.norm(np.diff(rows, axis=1), axis=2)
-    slopes = np.diff(rows, axis=1) / np.maximum(steps, _TINY)[..., None]
-    tangents = np.zeros_like(rows)
-    weighted = steps[:, 1:, None] * slopes[:, :-1] + steps[:, :-1, None] * slopes[:, 1:]
-    tangents[:, 1:-1] = weighted / np.maximum(steps[:, 1:] + steps[:, :-1], _TINY)[..., None]
-    tangents[:, 0] = 2.0 * slopes[:, 0] - tangents[:, 1]
-    tangents[numbers, last] = 2.0 * slopes[numbers, last - 1] - tangents[numbers, last - 1]
-    tangents[counts == 2, :2] = slopes[counts == 2, :1]
-    at = np.zeros(rows.shape[:2])
-    np.cumsum(steps, axis=1, out=at[:, 1:])
+    return np.array([_evenly_spread(points[begin:end], count) for begin, end in pairwise(offsets)])
 
-    def curves(places: Floats) -> Floats:
-        before, part = _between(at, places)
-        part, length = part[..., None], np.take_along_axis(steps, before, axis=1)[..., None]
-        first, second = ((numbers[:, None], before + more) for more in (0, 1))
-        along_chord = part * part * (3.0 - 2.0 * part) * (rows[second] - rows[first])
-        bend = part * (1.0 - part) * ((1.0 - part) * tangents[first] - part * tangents[second])
-        curve: Floats = rows[first] + along_chord + length * bend
-        return curve
 
-    places = np.linspace(0.0, at[:, -1], count, axis=1)
+def _evenly_spread(line: Floats, count: int) -> Floats:
+    """Return points along the curve through a polyline (n, 3); repeated points count once."""
+    line = line[np.append(True, np.diff(line, axis=0).any(axis=1))]
+    if len(line) == 1:
+        return np.repeat(line, count, axis=0)
+    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    slopes, at = np.diff(line, axis=0) / np.maximum(steps, _TINY)[:, None], np.append(0.0, np.cumsum(steps))
+    tangents = np.repeat(slopes[:1], len(line), axis=0)
+    if len(line) > 2:
+        weighted = steps[1:, None] * slopes[:-1] + steps[:-1, None] * slopes[1:]
+        tangents[1:-1] = weighted / np.maximum(steps[1:] + steps[:-1], _TINY)[:, None]
+        tangents[[0, -1]] = 2.0 * slopes[[0, -1]] - tangents[[1, -2]]
+
+    def curve(places: Floats) -> Floats:
+        first = np.searchsorted(at[1:-1], places, side="right")
+        part = ((places - at[first]) / np.maximum(steps[first], _TINY))[:, None]
+        along_chord = part * part * (3.0 - 2.0 * part) * (line[first + 1] - line[first])
+        bend = part * (1.0 - part) * ((1.0 - part) * tangents[first] - part * tangents[first + 1])
+        return np.asarray(line[first] + along_chord + steps[first, None] * bend)
+
+    places = np.linspace(0.0, at[-1], count)
     for _ in range(2):
-        along = np.zeros((len(rows), count))
-        np.cumsum(np.linalg.norm(np.diff(curves(places), axis=1), axis=2), axis=1, out=along[:, 1:])
-        before, part = _between(along, np.linspace(0.0, along[:, -1], count, axis=1))
-        near, far = (np.take_along_axis(places, before + more, axis=1) for more in (0, 1))
-        places = near + part * (far - near)
-    spread = curves(places)
-    spread[:, 0], spread[:, -1] = rows[:, 0], rows[numbers, last]
+        along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(curve(places), axis=0), axis=1)))
+        places = np.interp(np.linspace(0.0, along[-1], count), along, places)
+    spread = curve(places)
+    spread[[0, -1]] = line[[0, -1]]
     return spread
-
-
-def _rows(points: Floats, offsets: Ints) -> tuple[Floats, Ints]:
-    """Return polylines less repeated points, in rows.
-
-    Rows (f, m, 3) are filled up with the last point. The rows' counts follow.
-    """
-    new = np.ones(len(points), dtype=np.bool_)
-    new[1:] = (points[1:] != points[:-1]).any(axis=1)
-    new[offsets[:-1]] = True
-    counts = np.add.reduceat(new.astype(np.int64), offsets[:-1])
-    place = np.minimum(np.arange(max(int(counts.max()), 3)), counts[:, None] - 1)
-    return points[new][(np.cumsum(counts) - counts)[:, None] + place], counts
-
-
-def _between(knots: Floats, at: Floats) -> tuple[Ints, Floats]:
-    """Return the knot before each place in its row.
-
-    Rows of knots are (f, m), places (f, k). The part of the distance to the next knot follows.
-    """
-    before = (knots[:, None, 1:-1] <= at[..., None]).sum(axis=2)
-    low, high = (np.take_along_axis(knots, before + more, axis=1) for more in (0, 1))
-    return before, (at - low) / np.maximum(high - low, _TINY)
 
 
 def bones_at_ends(fibres: Floats, points: Floats, fixed_to: Ints) -> tuple[Ints, Ints]:
@@ -122,19 +100,17 @@ def lines_on_surface(points: Floats, topology: MeshTopology, fixed_to: Ints) -> 
         return None
     down, up = (_steepest(points, topology.edges, sign * field, fixed_to) for sign in (-1.0, 1.0))
     free = np.flatnonzero(fixed_to < 0)
-    lines: list[Floats] = []
+    lines = []
     # Of points on one line each would give it again.
     seeds = free[:: max(1, len(free) // STAND_INS)]
     for way in {(*reversed(_walk(seed, down)), *_walk(seed, up)[1:]): None for seed in seeds}:
         ends = fixed_to[way[0]], fixed_to[way[-1]]
         if len(way) > 2 and min(ends) >= 0:
-            line = points[list(way)].copy()
-            for _ in range(_PASSES):
-                line[1:-1] = 0.25 * line[:-2] + 0.5 * line[1:-1] + 0.25 * line[2:]
-            lines.append(line)
+            lines.append(points[list(way)])
     if not lines:
         return None
-    return np.concatenate(lines), np.cumsum([0, *(len(line) for line in lines)])
+    offsets = np.cumsum([0, *map(len, lines)])
+    return smooth_polylines(np.concatenate(lines), offsets, 2.0, _PASSES), offsets
 
 
 def _walk(seed: int, onward: Ints) -> list[int]:

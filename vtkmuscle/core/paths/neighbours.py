@@ -156,8 +156,7 @@ def path_widths(points: Floats, lengths: Floats) -> Floats:
     ``lengths`` (f,) are at rest; the paths keep their volume.
     """
     stretch = path_lengths(points) / lengths
-    widths: Floats = 1.0 / np.sqrt(stretch.clip(LEAST_STRETCH, GREATEST_STRETCH))
-    return widths
+    return np.asarray(1.0 / np.sqrt(stretch.clip(LEAST_STRETCH, GREATEST_STRETCH)))
 
 
 def widening(points: Floats, lengths: Floats) -> Floats:
@@ -167,5 +166,4 @@ def widening(points: Floats, lengths: Floats) -> Floats:
     """
     widths = path_widths(points, lengths)
     within = (widths > GREATEST_STRETCH**-0.5) & (widths < LEAST_STRETCH**-0.5)
-    change: Floats = np.where(within, -0.5 * widths**3 / lengths, 0.0)
-    return change
+    return np.asarray(np.where(within, -0.5 * widths**3 / lengths, 0.0))

@@ -147,9 +147,8 @@ class SheetPose:
             self._tissue[number] = stiffness, pull
         self._held = np.ascontiguousarray(held.reshape(f, n, 9)[:, :, [0, 1, 2, 4, 5, 8]])
         self._rings: Rings = rings_at(sheet.rings, transforms, self._middle, sheet.outside)
-        self.ring_points = np.zeros((len(sheet.rings), f), dtype=np.int64)
-        if ring_points is not None:
-            self.ring_points[:] = ring_points
+        nothing = np.zeros((len(sheet.rings), f), dtype=np.int64)
+        self.ring_points = nothing if ring_points is None else ring_points.copy()
         self.gradient, self.way, self.steps = np.zeros(shape), np.empty(shape), 0
         self._blocks, self._couplings = np.zeros((f, n, 6)), np.empty((len(sheet.neighbours.pairs), 6))
         self._inverses, self._work = np.empty((f + 1, n, 6)), np.empty((4, f + 1, n, 3))
@@ -257,8 +256,7 @@ class SheetPose:
         Bones and rings press on the points; the result is (f,).
         """
         pressed = (self._pressure > 0.0).any(axis=0) | (self._ring_pressure > 0.0).any(axis=0)
-        n_pressed: Ints = np.count_nonzero(pressed, axis=1)
-        return n_pressed
+        return np.asarray(np.count_nonzero(pressed, axis=1))
 
     def squeezed(self) -> Floats:
         """Return the lack of room of paths between bones.
@@ -274,8 +272,7 @@ class SheetPose:
             lacks = (against * (depths[one] + depths[other])).reshape(shape)
             pressed = (self._pressure[one] > 0.0) & (self._pressure[other] > 0.0)
             np.maximum(lacking, lacks, out=lacking, where=pressed)
-        most: Floats = lacking.max(axis=1)
-        return most
+        return np.asarray(lacking.max(axis=1))
 
     def sags(self) -> Floats:
         """Return the depths of segments in bones, (f,) [mm].
@@ -287,8 +284,7 @@ class SheetPose:
     @property
     def points(self) -> Floats:
         """Points that were looked at last, (f, n, 3) [mm]."""
-        points: Floats = self.x + self._middle
-        return points
+        return np.asarray(self.x + self._middle)
 
     def levers(self, twists: Floats, drift: Floats) -> Floats:
         """Return the levers of the paths looked at last.
@@ -321,23 +317,22 @@ class SheetPose:
     def _loads(self) -> dict[int, Load]:
         """Return the loads of the bones on the points."""
         x, contacts = self.x, self._sheet.contacts
-        loads = [
-            (number, Load(pull - np.einsum("fnij,fnj->fni", held, x), held))
-            for number, (held, pull) in self._tissue.items()
-        ]
+        loads: dict[int, Load] = {}
+
+        def add(number: int, load: Load) -> None:
+            if (before := loads.get(number)) is not None:
+                load = Load(before.force + load.force, before.stiffness + load.stiffness)
+            loads[number] = load
+
+        for number, (held, pull) in self._tissue.items():
+            add(number, Load(pull - np.einsum("fnij,fnj->fni", held, x), held))
         for k, number in enumerate(contacts.numbers):
             if self._pressure[k].any():
-                loads.append((number, contacts.load(k, self._near, self._pressure[k])))
+                add(number, contacts.load(k, self._near, self._pressure[k]))
         for k, (number, _) in enumerate(self._sheet.rings):
             if (points := self.ring_points[k]).any():
-                loads.append((number, ring_load(x, self._rings, k, points, contacts.rounding)))
-        together: dict[int, Load] = {}
-        for number, load in loads:
-            before = together.get(number)
-            together[number] = (
-                Load(before.force + load.force, before.stiffness + load.stiffness) if before else load
-            )
-        return together
+                add(number, ring_load(x, self._rings, k, points, contacts.rounding))
+        return loads
 
 
 def _rate(slopes: Sequence[float]) -> tuple[float, float]:
@@ -370,8 +365,7 @@ def accelerated(
     products = gradient @ way.T
     right = gradient @ now[2].reshape(-1) + way @ now[1].reshape(-1)
     parts = np.linalg.lstsq(products + products.T, right)[0]
-    step: Floats = now[2] - (parts @ (x + way)).reshape(now[2].shape)
-    return step
+    return np.asarray(now[2] - (parts @ (x + way)).reshape(now[2].shape))
 
 
 @kernel

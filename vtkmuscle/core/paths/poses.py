@@ -25,10 +25,7 @@ class KeptPoses:
 
     def __init__(self, paths: MusclePaths) -> None:
         self._paths = paths
-        ends = [
-            (paths.start_bones, paths.fibres[:, 0]),
-            (paths.end_bones, paths.fibres[:, -1]),
-        ]
+        ends = [(paths.start_bones, paths.fibres[:, 0]), (paths.end_bones, paths.fibres[:, -1])]
         self._bones: Ints = np.unique(np.concatenate([bones for bones, _ in ends]))
         boxes = []
         for bone in self._bones:
@@ -58,8 +55,8 @@ class KeptPoses:
         """
         key = transforms.tobytes()
         if key not in self._states:
-            corners = self._placed(transforms)
-            start, nearest = self.rest, self._apart(self._placed(self._rest_transforms(transforms)), corners)
+            corners, still = self._placed(transforms), np.broadcast_to(np.eye(4), transforms.shape)
+            start, nearest = self.rest, self._apart(self._placed(still), corners)
             for state, placed in reversed(self._states.values()):
                 apart = self._apart(placed, corners)
                 if apart < nearest:
@@ -93,18 +90,11 @@ class KeptPoses:
             kept.update({names[name]: levers for name, levers in computed.items()})
         return {name: kept[known] for name, known in names.items()}
 
-    def _rest_transforms(self, transforms: Floats) -> Floats:
-        return np.broadcast_to(np.eye(4), transforms.shape)
-
     def _placed(self, transforms: Floats) -> Floats:
         """Return the corners seen from the first bone, (b, 8, 3)."""
         seen = inverse(transforms[self._bones[0]])
-        return np.array(
-            [
-                apply_transform(seen @ transforms[bone], box)
-                for bone, box in zip(self._bones, self._corners, strict=True)
-            ]
-        )
+        boxes = zip(self._bones, self._corners, strict=True)
+        return np.array([apply_transform(seen @ transforms[bone], box) for bone, box in boxes])
 
     @staticmethod
     def _apart(before: Floats, now: Floats) -> float:

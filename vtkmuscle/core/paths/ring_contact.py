@@ -78,15 +78,9 @@ def hold_in_rings(x: Floats, rings: Rings, points: Ints) -> None:
 
 @kernel
 def add_rings(
-    x: Floats,
-    rings: Rings,
-    points: Ints,
-    push: float,
-    rounding: float,
-    gradient: Floats,
-    blocks: Floats,
+    x: Floats, rings: Rings, points: Ints, push: float, rounding: float, gradient: Floats, blocks: Floats,
     held: Floats,
-) -> None:
+) -> None:  # fmt: skip
     """Add the forces of rings on the held points.
 
     The function also writes the pressures, (r, f, n) [mm]. A ring's edge pushes as a bone does
@@ -194,12 +188,8 @@ def ring_load(x: Floats, rings: Rings, ring: int, points: Ints, rounding: float)
     Paths x are (f, n, 3); the points' numbers are (f,), 0 for no point.
     """
     first, last = rings.offsets[ring : ring + 2]
-    alone = Rings(
-        rings.frames[ring : ring + 1],
-        rings.corners[first:last],
-        np.array([0, last - first]),
-        rings.outside[ring : ring + 1],
-    )
+    frames, outside = rings.frames[ring : ring + 1], rings.outside[ring : ring + 1]
+    alone = Rings(frames, rings.corners[first:last], np.array([0, last - first]), outside)
     gradient, blocks = np.zeros(x.shape), np.zeros((*x.shape[:2], 6))
     add_rings(x, alone, points[None], PUSH, rounding, gradient, blocks, np.zeros((1, *x.shape[:2])))
     return Load(-gradient, blocks[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]])

@@ -22,7 +22,7 @@ from vtkmuscle.core.motion.blending import screws_between
 from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.paths.bone_contact import BoneContacts
 from vtkmuscle.core.paths.guides import ALL_PATHS, Guides, with_bones
-from vtkmuscle.core.paths.neighbours import neighbours_of, path_lengths, path_widths
+from vtkmuscle.core.paths.neighbours import neighbours_of, path_lengths
 from vtkmuscle.core.paths.pose import Sheet, SheetPose, farthest_of
 from vtkmuscle.core.paths.ring_contact import outside_of, rings_at
 from vtkmuscle.core.paths.surroundings import surroundings_of
@@ -195,41 +195,18 @@ class MusclePaths:
         # one size, to nine digits, stay as they come.
         pieces = [(number, piece) for number, bone in bones.items() for piece in bone.pieces]
         pieces.sort(key=lambda one: float(f"{np.ptp(one[1].box_along_axes):.8e}"))
-        around = surroundings_of(
-            self.fibres,
-            start_bones,
-            end_bones,
-            pieces,
-            triangle_tree(*surface),
-            self.thickness,
-        )
+        rest = self.fibres, start_bones, end_bones
+        around = surroundings_of(*rest, pieces, triangle_tree(*surface), self.thickness)
         last = max([*bones, int(start_bones.max()), int(end_bones.max()), *(bone for bone, _ in rings)])
         still = np.zeros((last + 1, 4, 4)) + np.eye(4)
         nothing = np.zeros((len(rings), len(self.fibres)))
         outside = np.empty_like(nothing)
         if rings:
             outside_of(rings_at(rings, still, np.zeros(3), nothing), self.fibres, outside)
-        self._sheet = Sheet(
-            self.fibres,
-            start_bones,
-            end_bones,
-            self.thickness,
-            self._lengths,
-            around,
-            BoneContacts(pieces, around.standoff, self._segment),
-            neighbours_of(self.fibres),
-            tuple(rings),
-            outside,
-            guides,
-        )
+        contacts = BoneContacts(pieces, around.standoff, self._segment)
+        held = *rest, self.thickness, self._lengths, around, contacts, neighbours_of(self.fibres)
+        self._sheet = Sheet(*held, tuple(rings), outside, guides)
         self.rest = self._settle(self.fibres, still, self._ends_moved(still, still), self.fibres)
-
-    def widths(self, points: Floats) -> Floats:
-        """Return the widths of paths relative to rest, (f,).
-
-        Paths (f, n, 3) keep their volume.
-        """
-        return path_widths(points, self._lengths)
 
     def follow(self, before: PathState, transforms: Floats) -> PathState:
         """Return the paths in another pose of the bones.
@@ -250,20 +227,15 @@ class MusclePaths:
         known = _padded(before.transforms, transforms)
         moves = _moves(known, transforms)
         if np.ptp(moves, axis=0).max() <= _TOGETHER:
-            points, drifted = (
-                with_bones(one, self.start_bones, self.end_bones, moves)
-                for one in (before.points, before.points + before.drift)
-            )
-            drift, forces = drifted - points, PathState.forces
+            ends = self.start_bones, self.end_bones
+            points = with_bones(before.points, *ends, moves)
+            drift, forces = with_bones(before.points + before.drift, *ends, moves) - points, PathState.forces
             return replace(before, points=points, transforms=transforms, steps=0, drift=drift, forces=forces)
         farthest = np.linalg.norm(self._ends_moved(known, transforms), axis=2).max()
         steps = max(math.ceil(farthest / (LARGEST_MOVE * self._segment)), 1)
         state = replace(before, transforms=known, steps=0)
-        for number in range(1, steps + 1):
-            pose = transforms
-            if number < steps:
-                pose = screws_between(known, transforms, number / steps)
-            state = self._go_on(state, pose)
+        for number in range(1, steps + 1):  # the last is the pose itself
+            state = self._go_on(state, screws_between(known, transforms, number / steps))
         return state
 
     def _go_on(self, before: PathState, transforms: Floats) -> PathState:
@@ -293,22 +265,12 @@ class MusclePaths:
 
         Moves are seen from the opposite end's bone, (2, f, 3) [mm].
         """
-        ways = []
-        for mine, others, ends in (
-            (self.start_bones, self.end_bones, self.fibres[:, 0]),
-            (self.end_bones, self.start_bones, self.fibres[:, -1]),
-        ):
-            a, b = (_seen_from(t, mine, others, ends) for t in (before, now))
-            ways.append(b - a)
-        return np.array(ways)
+        starts = self.start_bones, self.end_bones, self.fibres[:, 0]
+        ends = self.end_bones, self.start_bones, self.fibres[:, -1]
+        return np.array([_seen_from(now, *end) - _seen_from(before, *end) for end in (starts, ends)])
 
     def _settle(
-        self,
-        start: Floats,
-        transforms: Floats,
-        ends_moved: Floats,
-        carried: Floats,
-        reach: float = math.inf,
+        self, start: Floats, transforms: Floats, ends_moved: Floats, carried: Floats, reach: float = math.inf
     ) -> PathState:
         """Return the sheet in a pose near ``start``.
 
@@ -322,20 +284,9 @@ class MusclePaths:
         pose.hold(carried)  # near the equilibrium rings would never let go of the points that they hold
         settled = pose.settle(self._segment, reach)
         self._latest = pose  # alive for the levers of this state
-        return PathState(
-            self._sheet,
-            pose.points,
-            transforms,
-            pose.ring_points,
-            pose.contacts(),
-            pose.squeezed(),
-            pose.sags(),
-            settled,
-            pose.steps,
-            ends_moved,
-            pose.points - carried,
-            weakref.ref(pose),
-        )
+        measures = pose.contacts(), pose.squeezed(), pose.sags()
+        now = self._sheet, pose.points, transforms, pose.ring_points, *measures, settled, pose.steps
+        return PathState(*now, ends_moved, pose.points - carried, weakref.ref(pose))
 
 
 def _padded(before: Floats, now: Floats) -> Floats:
@@ -351,8 +302,7 @@ def _moves(before: Floats, now: Floats) -> Floats:
 
 
 def _carried_by(transforms: Floats, points: Floats) -> Floats:
-    moved: Floats = np.einsum("fij,fj->fi", transforms[:, :3, :3], points) + transforms[:, :3, 3]
-    return moved
+    return np.asarray(np.einsum("fij,fj->fi", transforms[:, :3, :3], points) + transforms[:, :3, 3])
 
 
 def _seen_from(transforms: Floats, mine: Ints, others: Ints, points: Floats) -> Floats:
@@ -361,5 +311,4 @@ def _seen_from(transforms: Floats, mine: Ints, others: Ints, points: Floats) -> 
     The points go with a bone of their own.
     """
     moved = _carried_by(transforms[mine], points) - transforms[others, :3, 3]
-    seen: Floats = np.einsum("fji,fj->fi", transforms[others, :3, :3], moved)
-    return seen
+    return np.asarray(np.einsum("fji,fj->fi", transforms[others, :3, :3], moved))

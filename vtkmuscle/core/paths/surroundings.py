@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.bones.bone import Bone
+from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.types import Floats, Ints
 
@@ -131,15 +132,13 @@ def surroundings_of(
 
 def stiffness_aside(size: Floats, side: Floats) -> Floats:
     """Return a stiffness of given size along the side (f, n, 3) of fibres, (f, n, 3, 3)."""
-    unit = side / np.maximum(np.linalg.norm(side, axis=2), np.finfo(float).tiny)[..., None]
-    stiffness: Floats = size[..., None, None] * unit[..., :, None] * unit[..., None, :]
-    return stiffness
+    unit = unit_vectors(side)
+    return np.asarray(size[..., None, None] * unit[..., :, None] * unit[..., None, :])
 
 
 def stiffness_of_bow(size: Floats, tangents: Floats) -> Floats:
     """Return a stiffness of given size in all directions across fibres."""
-    stiffness: Floats = size[..., None, None] * (np.eye(3) - tangents[..., :, None] * tangents[..., None, :])
-    return stiffness
+    return np.asarray(size[..., None, None] * (np.eye(3) - tangents[..., :, None] * tangents[..., None, :]))
 
 
 def shares_by_distance(distances: Floats) -> Floats:
@@ -149,8 +148,7 @@ def shares_by_distance(distances: Floats) -> Floats:
     """
     least = np.finfo(float).eps * max(float(np.max(distances, initial=0.0)), 1.0)
     near = 1.0 / np.maximum(distances, least) ** 2
-    shares: Floats = near / near.sum(axis=0)
-    return shares
+    return np.asarray(near / near.sum(axis=0))
 
 
 def _bundle_means(values: Floats, fibres: Floats, width: float) -> Floats:
@@ -168,10 +166,7 @@ def _bundle_means(values: Floats, fibres: Floats, width: float) -> Floats:
 
 def directions_along(points: Floats) -> Floats:
     """Return the unit tangents of polylines (f, n, 3)."""
-    tangents = np.gradient(points, axis=1)
-    length = np.linalg.norm(tangents, axis=-1, keepdims=True)
-    unit: Floats = np.divide(tangents, length, out=np.zeros_like(tangents), where=length > 0)
-    return unit
+    return unit_vectors(np.gradient(points, axis=1))
 
 
 def smoothed_along(values: Floats, deviation: float) -> Floats:

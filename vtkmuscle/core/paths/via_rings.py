@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.solids import points_inside
 from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
@@ -72,11 +72,8 @@ def via_ring(landmarks: Floats) -> ViaRing:
     area = np.cross(away, following).sum(axis=0) / 2.0
     size = float(np.linalg.norm(area))
     if size < _LEAST_AREA * float(np.linalg.norm(following - away, axis=1).sum()) ** 2:
-        raise InputError(
-            "",
-            "the landmarks of a via ring lie on a line, or the ring crosses itself",
-            "give the landmarks in order, once round the muscle",
-        )
+        problem = "the landmarks of a via ring lie on a line, or the ring crosses itself"
+        raise InputError("", problem, "give the landmarks in order, once round the muscle")
     normal = area / size
     axes = _axes_across(normal, away)
     flat = away @ axes.T
@@ -86,20 +83,13 @@ def via_ring(landmarks: Floats) -> ViaRing:
     radius = float(np.linalg.norm(corners, axis=1).mean())
     worst = int(heights.argmax())
     if heights[worst] > _LARGEST_BEND * radius:
-        raise InputError(
-            "",
-            f"landmark {worst} of a via ring is {heights[worst]:.4g} off the plane of a ring with "
-            f"mean radius {radius:.4g}",
-            "give landmarks near a common plane",
-        )
+        problem = f"landmark {worst} of a via ring is {heights[worst]:.4g} off the plane of a ring"
+        raise InputError("", f"{problem} with mean radius {radius:.4g}", "give landmarks near a common plane")
     turns = _cross(corners, np.roll(corners, -1, axis=0))
     if not (turns > 0.0).all():
         side = int(np.flatnonzero(turns <= 0.0)[0])
-        raise InputError(
-            "",
-            f"a via ring turns back after landmark {side}",
-            "give the landmarks in order, once round, with all sides visible from the centre",
-        )
+        remedy = "give the landmarks in order, once round, with all sides visible from the centre"
+        raise InputError("", f"a via ring turns back after landmark {side}", remedy)
     return ViaRing(middle + centroid @ axes, normal, axes, np.ascontiguousarray(corners))
 
 
@@ -112,24 +102,13 @@ def moved_ring(ring: ViaRing, transform: Floats) -> ViaRing:
     return ViaRing(turn @ ring.centre + shift, turn @ ring.normal, ring.axes @ turn.T, ring.corners)
 
 
-def in_ring_plane(ring: ViaRing, points: Floats) -> tuple[Floats, Floats]:
-    """Return points along the ring's axes.
-
-    Points are (n, 3), places (n, 2), heights over the plane (n,) [mm].
-    """
-    away = np.asarray(points, dtype=np.float64) - ring.centre
-    places: Floats = np.ascontiguousarray(away @ ring.axes.T)
-    heights: Floats = away @ ring.normal
-    return places, heights
-
-
 def within_ring(ring: ViaRing, points: Floats) -> Bools:
     """Return whether points are within the ring.
 
     Points (n, 3) are seen along the ring's normal; the result is (n,).
     """
-    inside: Bools = inside_polygon(ring.corners, in_ring_plane(ring, points)[0])
-    return inside
+    places = (points - ring.centre) @ ring.axes.T
+    return np.array([is_inside(ring.corners, x, y) for x, y in places], dtype=np.bool_)
 
 
 def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
@@ -139,7 +118,7 @@ def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
     ring's centre is inside the surface.
     """
     edges = unique_edges(triangles)
-    heights = in_ring_plane(ring, points)[1][edges]
+    heights = ((points - ring.centre) @ ring.normal)[edges]
     cut = (heights[:, 0] < 0.0) != (heights[:, 1] < 0.0)
     if not cut.any():
         return False
@@ -149,18 +128,6 @@ def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
     if within_ring(ring, outline).any():
         return True
     return bool(points_inside(ring.centre[None], triangle_tree(points, triangles.astype(np.int64)))[0])
-
-
-@array_kernel
-def inside_polygon(corners: Floats, places: Floats) -> Bools:
-    """Return whether places (n, 2) are inside a polygon.
-
-    The polygon's corners are (k, 2); places on the outline may be either.
-    """
-    inside = np.empty(len(places), dtype=np.bool_)
-    for i in range(len(places)):
-        inside[i] = is_inside(corners, places[i, 0], places[i, 1])
-    return inside
 
 
 @kernel
@@ -214,10 +181,8 @@ def _centroid(corners: Floats) -> Floats:
     """Return the centroid (2,) of a polygon's area."""
     following = np.roll(corners, -1, axis=0)
     turns = _cross(corners, following)
-    centroid: Floats = turns @ (corners + following) / (3.0 * turns.sum())
-    return centroid
+    return np.asarray(turns @ (corners + following) / (3.0 * turns.sum()))
 
 
 def _cross(a: Floats, b: Floats) -> Floats:
-    crossed: Floats = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    return crossed
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

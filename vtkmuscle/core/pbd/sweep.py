@@ -279,7 +279,8 @@ def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
 
 def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) -> Floats:
     """Return directions of the nearest fibre segments. Unit vectors (q, 3) at positions (q, 3)."""
-    a, b, lengths = proper_segments(fibre_points, offsets)
+    starts, steps, lengths = proper_segments(fibre_points, offsets)
+    a, b = fibre_points[starts], fibre_points[starts + 1]
     ends = np.stack([a, b], axis=1).reshape(-1, 3)
     # Each segment as a triangle without area.
     triangles = 2 * np.arange(len(a))[:, None] + np.array([0, 1, 1])
@@ -290,7 +291,7 @@ def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) ->
         other = first[nearest, end]
         equal = segment_distances(queries, a[other], b[other]) <= limit
         nearest = np.where(equal, other, nearest)
-    return (b[nearest] - a[nearest]) / lengths[nearest, None]
+    return steps[nearest] / lengths[nearest, None]
 
 
 def harmonic_directions(points: Floats, topology: MeshTopology, fixed_to: Ints) -> Floats | None:

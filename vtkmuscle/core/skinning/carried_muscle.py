@@ -14,7 +14,6 @@ import numpy as np
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.contact import BoneContact, PoseContact
 from vtkmuscle.core.fixed_muscle import FixedMuscle
-from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.rest_shape import RestShape, Volume
 from vtkmuscle.core.mesh.surface import mean_thickness
@@ -122,8 +121,9 @@ class Settling:
             time = (TOGETHER / SPREAD) ** 2 * self._time
             self._diffusion.spread(way, time, inside, insulated=True)
             way /= np.maximum(np.linalg.norm(way, axis=1), np.finfo(float).tiny)[:, None]
-            for _ in range(MOST_STEPS):
-                _advance(points, out, way, inside)
+            for _ in range(MOST_STEPS):  # on along the way, by the distance out of the bone
+                depths = np.linalg.norm(out[inside] - points[inside], axis=1)
+                points[inside] += depths[:, None] * way[inside]
                 out[:] = points
                 inside = touching.keep_out(out)
                 if not inside.any():
@@ -131,38 +131,15 @@ class Settling:
         points[:] = out
 
 
-@kernel
 def _torn(points: Floats, way: Floats, inside: Bools, edges: Ints) -> bool:
     """Return whether opposite ways tear two neighbours apart.
 
     Ways are (n, 3), ``inside`` is (n,). Torn neighbours part by more than the length of their edge.
     """
-    for e in range(len(edges)):
-        i, j = edges[e, 0], edges[e, 1]
-        if inside[i] and inside[j]:
-            product, apart, length = 0.0, 0.0, 0.0
-            for k in range(3):
-                product += way[i, k] * way[j, k]
-                apart += (way[i, k] - way[j, k]) ** 2
-                length += (points[i, k] - points[j, k]) ** 2
-            if product < 0.0 and apart > length:
-                return True
-    return False
-
-
-@kernel
-def _advance(points: Floats, out: Floats, direction: Floats, inside: Bools) -> None:
-    """Move points along a direction, in place.
-
-    The points inside (n,) move by their distance out of the bone.
-    """
-    for i in range(len(points)):
-        if inside[i]:
-            depth = 0.0
-            for k in range(3):
-                depth += (out[i, k] - points[i, k]) ** 2
-            for k in range(3):
-                points[i, k] += np.sqrt(depth) * direction[i, k]
+    first, second = edges[inside[edges[:, 0]] & inside[edges[:, 1]]].T
+    opposite = (way[first] * way[second]).sum(axis=1) < 0.0
+    apart, lengths = (np.linalg.norm(x[first] - x[second], axis=1) for x in (way, points))
+    return bool((opposite & (apart > lengths)).any())
 
 
 @dataclass(frozen=True, eq=False)

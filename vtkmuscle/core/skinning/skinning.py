@@ -5,7 +5,6 @@ The method is linear blend skinning with frames by shape matching.
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +13,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.polylines import stations_of
 from vtkmuscle.core.mesh.surface import sorted_into_bins
 from vtkmuscle.core.motion.blending import nearest_rotations
 from vtkmuscle.core.paths.neighbours import SAME, path_lengths, path_widths
@@ -128,14 +128,8 @@ class Skinning:
         ``offsets`` (f + 1,) are the numbers of the first point of each fibre, and p.
         """
         n = len(self._rest) // len(self._lengths)
-        carriers, weights = np.empty((len(points), 2), dtype=np.int64), np.empty((len(points), 2))
-        for fibre, (begin, end) in enumerate(pairwise(offsets)):
-            steps = np.linalg.norm(np.diff(points[begin:end], axis=0), axis=1)
-            along = np.concatenate([[0.0], np.cumsum(steps)])
-            at = along / max(along[-1], np.finfo(float).tiny) * (n - 1)
-            low = np.minimum(at.astype(np.int64), n - 2)
-            carriers[begin:end] = fibre * n + low[:, None] + np.arange(2)
-            weights[begin:end] = np.column_stack([1.0 - (at - low), at - low])
+        fibre, low, share = stations_of(points, offsets, n)
+        carriers, weights = (fibre * n + low)[:, None] + np.arange(2), np.column_stack([1.0 - share, share])
         return SkinningWeights(np.ascontiguousarray(points), carriers, weights)
 
     def at(self, paths: Floats, transforms: Floats) -> SkinnedMuscle:
