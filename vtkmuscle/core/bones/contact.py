@@ -112,29 +112,20 @@ class BoneContact:
             self._levels[number] = np.minimum(distance, self.clearance)
         return self._levels[number]
 
-    def at(
-        self, transforms: Floats, neighbours: Sequence[Neighbour] = (), centre: Floats | None = None
-    ) -> PoseContact:
-        """Return the contact in a pose.
-
-        The pose has the transforms of the bones (b, 4, 4), rest to now, and other muscles. Positions are
-        relative to a ``centre`` (3,) in the scene, the origin by default.
-        """
-        return PoseContact(self, transforms, neighbours, np.zeros(3) if centre is None else centre)
-
 
 class PoseContact:
     """The contact of a muscle in a pose.
 
-    :meth:`BoneContact.at` makes the contact. After a look-up of its distance from a bone, a point is looked
-    up again only after a move by the distance.
+    The pose has the transforms of the bones (b, 4, 4), rest to now, and other muscles. Positions are relative
+    to a ``centre`` (3,) in the scene. After a look-up of its distance from a bone, a point is looked up again
+    only after a move by the distance.
     """
 
     def __init__(
         self, contact: BoneContact, transforms: Floats, neighbours: Sequence[Neighbour], centre: Floats
     ) -> None:
         self._contact, self._transforms, self._centre = contact, transforms, centre
-        self._muscles = MuscleContact(neighbours, contact.free, centre) if neighbours else None
+        self._muscles = MuscleContact(neighbours, contact.free, centre)
         self._low, self._high = contact.boxes.moved(transforms, centre)
         self._seen: dict[int, tuple[Field, Floats, Floats, Floats, Floats]] = {}
         self._met, self._work = np.empty(len(contact.bones), dtype=np.bool_), np.empty((2, 3))
@@ -142,10 +133,7 @@ class PoseContact:
 
     def keep_out(self, p: Floats) -> Bools:
         """Move positions (n, 3) out of muscles and bones, in place; return the moved points (n,)."""
-        contact = self._contact
-        moved = np.zeros(len(p), dtype=np.bool_)
-        if self._muscles is not None:
-            moved |= self._muscles.keep_out(p)
+        contact, moved = self._contact, self._muscles.keep_out(p)
         boxes_met(p, contact.free, self._low, self._high, self._met)
         for number, met in enumerate(self._met.tolist()):
             if met:

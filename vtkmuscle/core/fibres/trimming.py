@@ -52,12 +52,7 @@ class EndArea(NamedTuple):
 
 
 def trim_fibres(
-    points: Floats,
-    offsets: Ints,
-    *,
-    axis: Floats,
-    areas: tuple[EndArea, EndArea],
-    limits: tuple[FloatMap, float, float],
+    points: Floats, offsets: Ints, *, axis: Floats, areas: tuple[EndArea, EndArea], limits: _Limits
 ) -> Floats:
     """Return fibres (n, 3) from area to area. The number of points is kept.
 

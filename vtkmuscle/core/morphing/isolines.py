@@ -80,7 +80,7 @@ class IsolineCourse:
         branch = self.branch(self.muscle, regular)
         first, last = _single_branch(branch)
         self.begin, self.span = regular[first], regular[last] - regular[first]
-        self.share = float(branch.sizes[branch.numbers[branch.numbers >= 0]].sum() / branch.sizes.sum())
+        self.share = branch.share
 
     def branch(self, surface: ClosedSurface, at: Floats) -> Branch:
         """Return the main branch at some distances, of the muscle in any coordinates."""
@@ -130,7 +130,7 @@ def morph_by_isolines(points: Floats, transform: Floats, course: IsolineCourse, 
     axes[~axes.any(axis=1), 2] = 1.0  # along z for a zero area
     views = np.array([[*perpendiculars(axis), axis] for axis in axes])
     maps = slice_maps(rings, stack(guides)[0], box, slicing.continuity * course.length, views)
-    mapped = box.positions(mapped_points(inside, heights, levels, slice_of, maps, hits))
+    mapped = box.positions(mapped_points(inside, heights, levels, slice_of, maps, hits, views))
     ends = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
     for area, end in zip(course.areas, ends, strict=True):
         mapped[end] = area.tree.nearest(mapped[end])[1]

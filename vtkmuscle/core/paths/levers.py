@@ -6,7 +6,7 @@ A lever is the change of a path's length as a coordinate moves the bones, with a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from vtkmuscle.core.paths.bone_contact import Load
 from vtkmuscle.core.paths.equilibrium import axes_of_pair
 from vtkmuscle.core.paths.guides import Guides
 from vtkmuscle.core.paths.neighbours import Neighbours
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import FloatMap, Floats, Ints
 
 #: The response to the bones' move is solved for in steps until a step changes the levers by less than
 #: this part of the greatest speed of a path's end (rms of all paths), but in no more than so many. Levers of
@@ -30,14 +30,9 @@ LARGEST_GROWTH = 5.0
 
 
 def path_levers(
-    points: Floats,
-    ends: tuple[Ints, Ints],
-    loads: Mapping[int, Load],
-    twists: Floats,
-    drift: Floats,
-    solver: tuple[Callable[[Floats], Floats], Callable[[Floats], Floats]],
-    carried: tuple[Guides, Floats] | None = None,
-) -> Floats:
+    points: Floats, ends: tuple[Ints, Ints], loads: Mapping[int, Load], twists: Floats, drift: Floats,
+    solver: tuple[FloatMap, FloatMap], carried: tuple[Guides, Floats] | None = None,
+) -> Floats:  # fmt: skip
     """Return the levers of paths as twists move bones.
 
     Levers are (v, f), or (v, k) of k fibres carried by the paths. As a bone moves by a small twist, the
@@ -134,9 +129,7 @@ def _moved_by(twist: Floats, transforms: Floats) -> Floats:
     return changes
 
 
-def _responses(
-    gradient: Floats, change: Callable[[Floats], Floats], step: Callable[[Floats], Floats]
-) -> Iterator[Floats]:
+def _responses(gradient: Floats, change: FloatMap, step: FloatMap) -> Iterator[Floats]:
     """Give the velocities (f, n, 3) that together change the gradient by minus the gradient.
 
     Generalised conjugate residuals (Eisenstat, Elman, Schultz 1983, doi:10.1137/0720023). The preconditioner

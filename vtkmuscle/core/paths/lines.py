@@ -62,7 +62,10 @@ def _evenly_spread(line: Floats, count: int) -> Floats:
     places = np.linspace(0.0, at[-1], count)
     for _ in range(2):
         along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(curve(places), axis=0), axis=1)))
-        places = np.interp(np.linspace(0.0, along[-1], count), along, places)
+        even = np.linspace(0.0, along[-1], count)
+        first = np.searchsorted(along[1:-1], even, side="right")
+        part = (even - along[first]) / np.maximum(np.diff(along)[first], _TINY)
+        places = places[first] + part * np.diff(places)[first]
     spread = curve(places)
     spread[[0, -1]] = line[[0, -1]]
     return spread

@@ -87,7 +87,7 @@ def _nearest_across(fibres: Floats, same: float) -> Ints:
     ahead, is not beside the point. Distances within ``same`` [mm] are equal.
     """
     f, n, _ = fibres.shape
-    inner, tangents = fibres[:, 1:-1], _tangents(fibres)
+    inner, flat = fibres[:, 1:-1], (fibres.reshape(-1, 3), _tangents(fibres).reshape(-1, 3))
     points = np.arange(f * n).reshape(f, n)[:, 1:-1]
     segments = path_lengths(fibres) / (n - 1)
     found = [np.empty((0, 2), dtype=np.int64)]
@@ -97,9 +97,7 @@ def _nearest_across(fibres: Floats, same: float) -> Ints:
         distance = np.take_along_axis(apart, nearest[..., None], axis=2)[..., 0]
         numbers = np.take_along_axis(points[None], nearest[..., None], axis=2)[..., 0]
         here = np.broadcast_to(points[path][:, None], numbers.shape)
-        ahead, _ = _ahead_and_across(
-            fibres.reshape(-1, 3), tangents.reshape(-1, 3), here.reshape(-1), numbers.reshape(-1)
-        )
+        ahead, _ = _ahead_and_across(*flat, here.reshape(-1), numbers.reshape(-1))
         ending = (nearest == 0) | (nearest == n - 3)
         limit = np.where(ending, 0.5 * segments, segments.mean())
         beside = np.abs(ahead).reshape(numbers.shape) <= limit

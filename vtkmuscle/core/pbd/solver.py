@@ -17,7 +17,7 @@ from types import MappingProxyType
 import numpy as np
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.bones.contact import BoneContact
+from vtkmuscle.core.bones.contact import BoneContact, PoseContact
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
@@ -309,7 +309,7 @@ class PBDSolver:
         """Return the contact with bones and neighbours in a step."""
         if isinstance(self._contact, VoxelContact):
             return self._contact.at(now, neighbours, self.centre, before, x)
-        return self._contact.at(now, neighbours, self.centre).keep_out
+        return PoseContact(self._contact, now, neighbours, self.centre).keep_out
 
     def _state(self, p: Floats, transforms: Floats, held: Bools, velocities: Floats | None = None) -> State:
         if not (np.isfinite(p).all() and (velocities is None or np.isfinite(velocities).all())):

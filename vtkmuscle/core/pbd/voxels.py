@@ -198,18 +198,18 @@ class VoxelContact:
         diagonals = [float(np.linalg.norm(bone.box[1] - bone.box[0])) for bone in self._bones]
         per_side = n_equal or max(n_max, 1) ** (1.0 / 3.0)
         self._boxes = BoneBoxes(bones, [2.0 * diagonal / per_side for diagonal in diagonals])
-        self._n_max, self._n_equal = n_max, n_equal
+        self._divided = n_max, n_equal
 
     def grid(self, number: int) -> VoxelGrid:
         """Return the voxels of a bone."""
-        bone, divided = self._bones[number], (self._n_max, self._n_equal)
+        bone, (n_max, n_equal) = self._bones[number], self._divided
         grids = _GRIDS.setdefault(bone, {})
-        if divided not in grids:
+        if self._divided not in grids:
+            surface = bone.points, bone.triangles
             with errors_at(bone.name):
-                grids[divided] = build_voxel_grid(
-                    bone.points, bone.triangles, n_max=self._n_max, n_equal=self._n_equal, what=bone.name
-                )
-        return grids[divided]
+                made = build_voxel_grid(*surface, n_max=n_max, n_equal=n_equal, what=bone.name)
+            grids[self._divided] = made
+        return grids[self._divided]
 
     def at(
         self, now: Floats, neighbours: Sequence[Neighbour], centre: Floats, before: Floats, x: Floats
@@ -220,7 +220,7 @@ class VoxelContact:
         x (n, 3) before the step, are relative to a centre (3,) in the scene.
         """
         met = np.empty(len(self._bones), dtype=np.bool_)
-        muscles = MuscleContact(neighbours, self._free, centre) if neighbours else None
+        muscles = MuscleContact(neighbours, self._free, centre)
         corners = self._boxes.moved(now, centre)
         about = np.eye(4)
         about[:3, 3] = -centre
@@ -228,9 +228,7 @@ class VoxelContact:
         moves = [(pose, pose @ inverse(before[bone]) @ inverse(about)) for bone, pose in poses.items()]
 
         def keep_out(p: Floats) -> Bools:
-            moved = np.zeros(len(p), dtype=np.bool_)
-            if muscles is not None:
-                moved |= muscles.keep_out(p)
+            moved = muscles.keep_out(p)
             boxes_met(p, self._free, *corners, met)
             for number in np.flatnonzero(met).tolist():
                 motion = *moves[number], x, p, self._free

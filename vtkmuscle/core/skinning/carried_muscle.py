@@ -92,7 +92,7 @@ class Settling:
         carried = carried.copy()
         for bone, fixed in self._fixed:
             carried[fixed] = apply_transform(transforms[bone], self._rest[fixed])
-        touching = self._contact.at(transforms, near)
+        touching = PoseContact(self._contact, transforms, near, np.zeros(3))
         points = carried.copy()
         self._leave_bones(points, touching)
         displacement = np.empty_like(points)
