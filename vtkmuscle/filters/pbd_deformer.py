@@ -119,14 +119,9 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
         return [self.request_time] if self.start is not None else super().path
 
     def execute(
-        self,
-        muscle: Surface,
-        rest_bones: RestBones,
-        bones: MovingBones,
-        fibres: Polylines | None,
-        start: Surface | None,
-        neighbours: vtkMultiBlockDataSet | None,
-    ) -> vtkPolyData:
+        self, muscle: Surface, rest_bones: RestBones, bones: MovingBones, fibres: Polylines | None,
+        start: Surface | None, neighbours: vtkMultiBlockDataSet | None,
+    ) -> vtkPolyData:  # fmt: skip
         """Return the muscle at the requested time."""
         driven = self.prediction == "velocity" and any(self.external_force)
         rest = fixed_muscle(muscle, bones.names, fibres, driven=driven)

@@ -119,7 +119,7 @@ def _check_area(area: AttachmentArea, surface: vtkPolyData, units: str) -> None:
     _check_distance("the landmarks are", landmarks, points, units)
     if area.role != VIA:
         return
-    ring = via_ring(area.landmarks)
+    ring = via_ring(landmarks)
     if not passes_through(ring, points, triangles):
         gap = np.linalg.norm(points - ring.centre, axis=1).min()
         problem = f"the muscle does not pass through the via ring; the centre is {gap:.4g} {units} from it"

@@ -54,7 +54,7 @@ def _evenly_spread(line: Floats, count: int) -> Floats:
 
     def curve(places: Floats) -> Floats:
         first = np.searchsorted(at[1:-1], places, side="right")
-        part = ((places - at[first]) / np.maximum(steps[first], _TINY))[:, None]
+        part = ((places - at[first]) / np.maximum(np.diff(at)[first], _TINY))[:, None]
         along_chord = part * part * (3.0 - 2.0 * part) * (line[first + 1] - line[first])
         bend = part * (1.0 - part) * ((1.0 - part) * tangents[first] - part * tangents[first + 1])
         return np.asarray(line[first] + along_chord + steps[first, None] * bend)

@@ -224,7 +224,8 @@ class MusclePaths:
             Of the bones, rest to now.
         """
         transforms = np.array(transforms, dtype=np.float64)
-        known = _padded(before.transforms, transforms)
+        known = transforms.copy()  # a further bone has not moved
+        known[: len(before.transforms)] = before.transforms[: len(known)]
         moves = _moves(known, transforms)
         if np.ptp(moves, axis=0).max() <= _TOGETHER:
             ends = self.start_bones, self.end_bones
@@ -287,13 +288,6 @@ class MusclePaths:
         measures = pose.contacts(), pose.squeezed(), pose.sags()
         now = self._sheet, pose.points, transforms, pose.ring_points, *measures, settled, pose.steps
         return PathState(*now, ends_moved, pose.points - carried, weakref.ref(pose))
-
-
-def _padded(before: Floats, now: Floats) -> Floats:
-    """Return earlier transforms of all bones of a pose."""
-    known = np.array(now)
-    known[: len(before)] = before[: len(now)]
-    return known
 
 
 def _moves(before: Floats, now: Floats) -> Floats:

@@ -57,17 +57,14 @@ def via_ring(landmarks: Floats) -> ViaRing:
     Raises
     ------
     ValueError
-        If there are fewer than three landmarks, a landmark is not finite, or the landmarks lie on a line or
-        far from a plane, or do not run once round their centre.
+        If there are fewer than three landmarks, or the landmarks lie on a line or far from a plane, or do not
+        run once round their centre.
     """
-    given = np.asarray(landmarks, dtype=np.float64)
-    if given.ndim != 2 or given.shape[1] != 3 or not np.isfinite(given).all():
-        raise InputError("", "the landmarks of a via ring must be finite points x, y, z")
-    given = given[(given != np.roll(given, 1, axis=0)).any(axis=1)]
-    if len(given) < 3:
-        raise InputError("", f"a via ring needs 3 landmarks or more, each once, but there are {len(given)}")
-    middle = given.mean(axis=0)
-    away = given - middle
+    once = landmarks[(landmarks != np.roll(landmarks, 1, axis=0)).any(axis=1)]
+    if len(once) < 3:
+        raise InputError("", f"a via ring needs 3 landmarks or more, each once, but there are {len(once)}")
+    middle = once.mean(axis=0)
+    away = once - middle
     following = np.roll(away, -1, axis=0)
     area = np.cross(away, following).sum(axis=0) / 2.0
     size = float(np.linalg.norm(area))

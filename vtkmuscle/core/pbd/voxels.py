@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.contact import BoneBoxes, boxes_met
-from vtkmuscle.core.errors import InputError, errors_at
+from vtkmuscle.core.errors import errors_at
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.solids import closed_shells
 from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour
@@ -85,23 +85,15 @@ def build_voxel_grid(
     """Return the voxels of a closed surface.
 
     Points are (n, 3), triangles (m, 3) at rest; a layer of cells is added. The bounding box is divided into
-    cells: about ``n_max`` near-cubes, or ``n_equal`` along each axis. Cells that a triangle meets are the
-    boundary. Cells that cannot be reached from beyond the box without crossing the boundary are inside, also
+    cells: about ``n_max`` >= 1 near-cubes, or ``n_equal`` >= 1 along each axis. Cells that a triangle meets
+    are the boundary. Cells that cannot be reached from beyond the box without crossing it are inside, also
     cells in a hollow or behind a hole too narrow for the cells. Holes in the surface are closed first.
 
     Warns
     -----
     UserWarning
         If the surface is open, inside out or encloses no volume; the warning names ``what`` and the mending.
-
-    Raises
-    ------
-    ValueError
-        If n_max or n_equal is not positive.
     """
-    if n_max < 1 or (n_equal is not None and n_equal < 1):
-        given = f"n_max={n_max}, n_equal={n_equal}"
-        raise InputError("", f"a voxel grid needs n_max >= 1 and n_equal >= 1, got {given}")
     surface = closed_shells(points, triangles)
     points, triangles = surface.points, np.vstack(surface.shells)
     if surface.remarks:
@@ -196,7 +188,7 @@ class VoxelContact:
         self._bones, self._free, self._bone_push = tuple(bones.values()), free, bone_push
         # No voxel reaches farther over the bone's box than it is long.
         diagonals = [float(np.linalg.norm(bone.box[1] - bone.box[0])) for bone in self._bones]
-        per_side = n_equal or max(n_max, 1) ** (1.0 / 3.0)
+        per_side = n_equal or n_max ** (1.0 / 3.0)
         self._boxes = BoneBoxes(bones, [2.0 * diagonal / per_side for diagonal in diagonals])
         self._divided = n_max, n_equal
 
