@@ -25,16 +25,10 @@ SWALLOWED = 0.9
 
 
 class BoneBoxes:
-    """The boxes of bones, for a first look.
+    """The boxes of bones. They show the bones that points can meet.
 
-    The boxes show the bones that points can meet.
-
-    Parameters
-    ----------
-    bones : mapping of int to Bone
-        Bones by index among the transforms.
-    margins : (k,) array_like
-        Distance at which each bone is met [mm].
+    bones : mapping of int to Bone, bones by index among the transforms;
+    margins : (k,)_like, distance at which each bone is met [mm].
     """
 
     def __init__(self, bones: Mapping[int, Bone], margins: Sequence[float]) -> None:
@@ -73,16 +67,10 @@ class BoneContact:
     <vtkmuscle.core.bones.bone.Bone.field>` to the point's depth at rest. The result depends on the points
     and the pose alone. Bones are looked up when a muscle first comes near the bones' boxes.
 
-    Parameters
-    ----------
-    bones : mapping of int to Bone
-        Bones by index among the transforms.
-    rest : (n, 3) array
-        Points of the muscle at rest, in the scene [mm].
-    free : (n,) bool array
-        Points that may be moved.
-    clearance : float, optional
-        Distance that points keep from the bones [mm]; a point nearer at rest may come as near.
+    bones : mapping of int to Bone, bones by index among the transforms;
+    rest : (n, 3), points of the muscle at rest, in the scene [mm];
+    free : (n,) bool, points that may be moved;
+    clearance : distance that points keep from the bones [mm]; a point nearer at rest may come as near.
 
     Warns
     -----

@@ -41,25 +41,17 @@ def path_levers(
     excursion; An et al. 1984, doi:10.1115/1.3138494). Where bones alone hold a path, the lever equals the
     lever of the pull at the path's end (principle of virtual work).
 
-    Parameters
-    ----------
-    points : (f, n, 3) array
-        In equilibrium [mm].
-    ends : two (f,) int arrays
-        Bones of the starts and of the ends.
-    loads : mapping of int to Load
-        Forces of each bone on the points.
-    twists : (v, b, 6) array
-        Of the bones: velocity at the origin and angular velocity, per unit of each of v coordinates.
-    drift : (f, n, 3) array
-        Displacement of the points between the ends, such as the last move: the solution begins with the best
-        multiple of the drift, and so saves two steps.
-    solver : two callables
-        The first takes velocities of the points (f, n, 3), ends included, and returns the change of the
-        energy's gradient, 0 at the ends. The second takes a gradient likewise, and returns velocities of the
-        inner points that about cancel the gradient.
-    carried : (Guides, (b, 4, 4) array), optional
-        Carry the paths of further fibres, in a pose of the bones.
+    points : (f, n, 3), in equilibrium [mm];
+    ends : two (f,) int, bones of the starts and of the ends;
+    loads : mapping of int to Load, forces of each bone on the points;
+    twists : (v, b, 6), of the bones: velocity at the origin and angular velocity, per unit of each of v
+        coordinates;
+    drift : (f, n, 3), displacement of the points between the ends, such as the last move: the solution begins
+        with the best multiple of the drift, and so saves two steps;
+    solver : two callables. The first takes velocities of the points (f, n, 3), ends included, and returns the
+        change of the energy's gradient, 0 at the ends. The second takes a gradient likewise, and returns
+        velocities of the inner points that about cancel the gradient;
+    carried : (Guides, (b, 4, 4)), optional, carry the paths of further fibres, in a pose of the bones.
     """
     change, step = solver
     paths = points if carried is None else carried[0].carry(points, carried[1])
@@ -163,20 +155,11 @@ def change_gradient(
     :func:`~vtkmuscle.core.paths.equilibrium.add_springs` and
     :func:`~vtkmuscle.core.paths.equilibrium.add_neighbours`, with turning tangents and changing widths.
 
-    Parameters
-    ----------
-    x : (f, n, 3) array
-        Positions [mm].
-    velocity : (f, n, 3) array
-        Of the points.
-    held : (f, n, 3, 3) array
-        Stiffness of the holds on each point, bones included.
-    widths, widening : (f,) arrays
-        Widths of the paths, and change of the widths with the paths' lengths [1/mm].
-    wider, turning : (f,), (f, n, 3) arrays
-        Working memory: rates of the paths' widths, and change of the tangents at the points.
-    change : (f, n, 3) array
-        Overwritten, 0 at the ends.
+    x, velocity : (f, n, 3), positions [mm], and velocities of the points;
+    held : (f, n, 3, 3), stiffness of the holds on each point, bones included;
+    widths, widening : (f,), widths of the paths, and change of the widths with the paths' lengths [1/mm];
+    wider, turning : (f,), (f, n, 3), memory: rates of the paths' widths, and change of the tangents;
+    change : (f, n, 3), overwritten, 0 at the ends.
     """
     f, n, _ = velocity.shape
     for a in range(f):

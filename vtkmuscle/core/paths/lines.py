@@ -91,12 +91,8 @@ def lines_on_surface(points: Floats, topology: MeshTopology, fixed_to: Ints) -> 
     over the surface, and are smoothed. ``points`` (v, 3) is the muscle at rest [mm], ``fixed_to`` (v,) the
     bone of each point, -1 for free points.
 
-    Returns
-    -------
-    points, offsets : (p, 3) array, (f + 1,) int array
-        Points of all lines, line after line [mm]; first point of each, and p.
-    None
-        Where fewer than two bones have fixed points, or no line leads from bone to bone.
+    Returns the points (p, 3) of all lines, line after line [mm], and the first point of each, and p, (f +
+    1,); None where fewer than two bones have fixed points, or no line leads from bone to bone.
     """
     field = harmonic_field(points, topology.triangles, fixed_to)
     if field is None:
@@ -124,10 +120,7 @@ def _walk(seed: int, onward: Ints) -> list[int]:
 
 
 def _steepest(points: Floats, edges: Ints, height: Floats, fixed_to: Ints) -> Ints:
-    """Return each point's neighbour up the steepest edge.
-
-    Fixed points and summits stay.
-    """
+    """Return each point's neighbour up the steepest edge. Fixed points and summits stay."""
     both = np.vstack([edges, edges[:, ::-1]])
     length = np.linalg.norm(points[both[:, 1]] - points[both[:, 0]], axis=1)
     slope = (height[both[:, 1]] - height[both[:, 0]]) / np.maximum(length, _TINY)

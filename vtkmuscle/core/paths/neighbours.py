@@ -43,14 +43,10 @@ class Neighbours(NamedTuple):
 
     The pairs belong to a sheet, and resist shear.
 
-    Attributes
-    ----------
-    pairs : (m, 2) int array
-        Numbers of points, in the order of paths.
-    distances, ahead : (m,) arrays
-        Distances at rest, across the paths and along the paths, of the first point from the second [mm].
-    stiffness : (m, 2) array
-        Across and along, in stiffnesses of a path's springs [1].
+    pairs : (m, 2) int, numbers of points, in the order of paths;
+    distances, ahead : (m,), distances at rest, across the paths and along the paths, of the first point from
+        the second [mm];
+    stiffness : (m, 2), across and along, in stiffnesses of a path's springs [1].
     """
 
     pairs: Ints
@@ -149,19 +145,13 @@ def _add_steps(points: Floats, lengths: Floats) -> None:
 
 
 def path_widths(points: Floats, lengths: Floats) -> Floats:
-    """Return the widths of paths relative to rest, (f,).
-
-    ``lengths`` (f,) are at rest; the paths keep their volume.
-    """
+    """Return paths' relative widths. The volume is constant, and ``lengths`` (f,) are at rest."""
     stretch = path_lengths(points) / lengths
     return np.asarray(1.0 / np.sqrt(stretch.clip(LEAST_STRETCH, GREATEST_STRETCH)))
 
 
 def widening(points: Floats, lengths: Floats) -> Floats:
-    """Return the change of :func:`path_widths` with length.
-
-    Paths are (f, n, 3), the result (f,) [1/mm].
-    """
+    """Return the change of widths with length. Of :func:`path_widths`, (f,) [1/mm]."""
     widths = path_widths(points, lengths)
     within = (widths > GREATEST_STRETCH**-0.5) & (widths < LEAST_STRETCH**-0.5)
     return np.asarray(np.where(within, -0.5 * widths**3 / lengths, 0.0))

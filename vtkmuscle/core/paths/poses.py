@@ -16,11 +16,6 @@ class KeptPoses:
 
     A pose begins at the nearest kept pose. Nearness is the distance over which the bones carry the ends of
     paths from pose to pose; the rest pose is always kept. A computed pose is the same when asked for again.
-
-    Parameters
-    ----------
-    paths : MusclePaths
-        The paths.
     """
 
     def __init__(self, paths: MusclePaths) -> None:
@@ -44,14 +39,9 @@ class KeptPoses:
         return self._paths.rest
 
     def at(self, transforms: Floats, *, memory: float) -> PathState:
-        """Return the paths in a pose of the bones.
+        """Return the paths in a pose. Transforms (b, 4, 4) of the bones lead from rest to now.
 
-        Parameters
-        ----------
-        transforms : (b, 4, 4) array
-            Of the bones, rest to now.
-        memory : float
-            Size of the poses to keep [bytes]; the oldest are dropped first, the last is always kept.
+        Poses are kept up to a ``memory`` [bytes]; the oldest are dropped first, the last is always kept.
         """
         key = transforms.tobytes()
         if key not in self._states:
@@ -70,17 +60,11 @@ class KeptPoses:
         return self._states[key][0]
 
     def levers(self, transforms: Floats, twists: Mapping[str, Floats]) -> dict[str, Floats]:
-        """Return the levers of each path by each coordinate.
+        """Return the paths' levers by each coordinate.
 
-        Levers are (f,), in a kept pose. Levers are computed once: computed again, the last digits would
-        differ.
-
-        Parameters
-        ----------
-        transforms : (b, 4, 4) array
-            Of the bones, rest to now, as last given to :meth:`at`.
-        twists : mapping of str to (b, 6) array
-            See :meth:`~vtkmuscle.core.paths.sheet.PathState.levers`.
+        The pose is the last of :meth:`at`, the twists are as of
+        :meth:`~vtkmuscle.core.paths.sheet.PathState.levers`. Levers are computed once: computed again, the
+        last digits would differ.
         """
         key = transforms.tobytes()
         names = {name: (name, twist.tobytes()) for name, twist in twists.items()}

@@ -49,32 +49,19 @@ _TOGETHER = 1e-9
 class PathState:
     """Paths in a pose of the bones.
 
-    Attributes
-    ----------
-    sheet : Sheet
-        The paths at rest.
-    points : (f, n, 3) array
-        Positions [mm].
-    transforms : (b, 4, 4) array
-        Of the bones, rest to now.
-    ring_points : (r, f) int array
-        Point of each path held by each ring, 0 for no point.
-    contacts : (f,) int array
-        Number of points of each path that bones or rings press on.
-    squeezed : (f,) array
-        Room that each path lacks between two bones [mm].
-    sags : (f,) array
-        Depth of each path's straight segments in the bones' clearance [mm].
-    settled : bool
-        Whether the sheet came to rest.
-    steps : int
-        Steps of Newton's method since the pose that the paths began with.
-    ends_moved : (2, f, 3) array
-        Move of each end since the pose before, seen from the bone of the path's opposite end [mm].
-    drift : (f, n, 3) array
-        Displacement of the points from the positions after the move of the ends alone [mm].
-    forces : callable
-        Returns the settled pose of the sheet, None when the sheet has gone on.
+    sheet : Sheet, the paths at rest;
+    points : (f, n, 3), positions [mm];
+    transforms : (b, 4, 4), of the bones, rest to now;
+    ring_points : (r, f) int, point of each path held by each ring, 0 for no point;
+    contacts : (f,) int, number of points of each path that bones or rings press on;
+    squeezed : (f,), room that each path lacks between two bones [mm];
+    sags : (f,), depth of each path's straight segments in the bones' clearance [mm];
+    settled : whether the sheet came to rest;
+    steps : steps of Newton's method since the pose that the paths began with;
+    ends_moved : (2, f, 3), move of each end since the pose before, seen from the bone of the path's opposite
+        end [mm];
+    drift : (f, n, 3), displacement of the points from the positions after the move of the ends alone [mm];
+    forces : callable, returns the settled pose of the sheet, None when the sheet has gone on.
     """
 
     sheet: Sheet
@@ -262,10 +249,7 @@ class MusclePaths:
         return replace(state, steps=steps)
 
     def _ends_moved(self, before: Floats, now: Floats) -> Floats:
-        """Return the bones' moves of starts and ends.
-
-        Moves are seen from the opposite end's bone, (2, f, 3) [mm].
-        """
+        """Return the moves of starts and ends. Seen from the opposite end's bone, (2, f, 3) [mm]."""
         starts = self.start_bones, self.end_bones, self.fibres[:, 0]
         ends = self.end_bones, self.start_bones, self.fibres[:, -1]
         return np.array([_seen_from(now, *end) - _seen_from(before, *end) for end in (starts, ends)])
@@ -300,9 +284,6 @@ def _carried_by(transforms: Floats, points: Floats) -> Floats:
 
 
 def _seen_from(transforms: Floats, mine: Ints, others: Ints, points: Floats) -> Floats:
-    """Return points (f, 3) seen from another bone.
-
-    The points go with a bone of their own.
-    """
+    """Return points (f, 3) seen from another bone. They move with a bone of their own."""
     moved = _carried_by(transforms[mine], points) - transforms[others, :3, 3]
     return np.asarray(np.einsum("fji,fj->fi", transforms[others, :3, :3], moved))
