@@ -59,8 +59,9 @@ def main() -> None:
     scene = scene_of(given.frames, given.deformer)
     at: dict[int, float] = {}
 
-    def observe(muscle: str, row: object) -> None:
-        seen.append(muscle)
+    def note(muscle: str, _: str, fraction: float) -> None:
+        if fraction > 0.0:  # a frame is done
+            seen.append(muscle)
         done = len(seen)
         for part in range(1, 5):
             if done == part * len(scene.muscles) * given.frames // 4:
@@ -69,7 +70,7 @@ def main() -> None:
     seen: list[str] = []
     before, began, used = memory(), time.perf_counter(), time.process_time()
     with tempfile.TemporaryDirectory() as folder, Sampling() as sampling:
-        result = scene.run(Path(folder) / "out", figures=False, workers=given.workers, observe=observe)
+        result = scene.run(Path(folder) / "out", figures=False, workers=given.workers, progress=note)
     wall = time.perf_counter() - began
     others = resource.getrusage(resource.RUSAGE_CHILDREN)
     processor = time.process_time() - used + others.ru_utime + others.ru_stime

@@ -44,7 +44,7 @@ STAGES: dict[str, tuple[str, ...]] = {
         "run/report_values:fibres_at_rest",
         "run/report_values:measures_of_fibres",
     ),
-    "tables": ("run/steps:_judge_further", "run/steps:_write_tables", "run/table:Table"),
+    "tables": ("run/steps:_judge_further", "run/store/writing:ResultWriter.write_tables", "run/table:Table"),
     "frames": ("run/muscles:MuscleRun._keep", "run/store/writing:ResultWriter"),
     "figures": (_CHILDREN, "run/figures:Drawing"),
     "page": ("report/page:write_page",),

@@ -16,7 +16,6 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -76,10 +75,11 @@ def measured(kind: str, size: int) -> dict[str, float]:
     before, began = memory(), time.process_time()
     ends: dict[str, list[float]] = {name: [] for name in scene.muscles}
 
-    def observe(muscle: str, _: Mapping[str, Any]) -> None:
-        ends[muscle].append(time.process_time())
+    def note(muscle: str, _: str, part: float) -> None:
+        if part > 0.0:  # a frame is done
+            ends[muscle].append(time.process_time())
 
-    result = scene.run(figures=False, workers=1, observe=observe)
+    result = scene.run(figures=False, workers=1, progress=note)
     taken = time.process_time() - began
     further = sum(at[-1] - at[0] for at in ends.values()) / (len(ends) * (frames - 1))
     rows = [row for muscle in result.report["muscles"].values() for row in muscle["frames"]]

@@ -77,10 +77,12 @@ def drawing() -> dict[str, int]:
         take = Studio.picture
 
         def picture(self: Studio, actors: Any, view: View, **options: Any) -> Any:
-            before = self.triangles
             image = take(self, actors, view, **options)
             found["pictures"] += 1
-            found["triangles drawn"] += self.triangles - before
+            found["triangles drawn"] += sum(one.GetMapper().GetInput().GetNumberOfPolys() for one in actors)
+            bones = options.get("bones")
+            of_bones = () if bones is None else bones.by_name.values()
+            found["triangles drawn"] += sum(len(bone.triangles) for bone in of_bones)
             found["thousands of pixels drawn"] += FINER**2 * view.size[0] * view.size[1] // 1000
             return image
 

@@ -11,10 +11,11 @@ import sys
 import time
 from contextlib import contextmanager
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
-from vtkmuscle.io import read_polydata, read_series
+from vtkmuscle.io import read_polydata
 from vtkmuscle.run.store import MuscleNote, RunNote, read_note
 
 #: The program, in a process of its own, with this one's packages.
@@ -55,6 +56,12 @@ def killed_at(process, seconds, number=signal.SIGKILL):
     return True
 
 
+def files_in(collection: Path) -> list[Path]:
+    """Return the files that a ParaView collection lists."""
+    entries = ElementTree.parse(collection).iter("DataSet")
+    return [collection.parent / entry.attrib["file"] for entry in entries]
+
+
 def check_whole(folder: Path) -> int:
     """Check that every file under a final name in a folder can be read to its end, and return how many."""
     count = 0
@@ -65,10 +72,7 @@ def check_whole(folder: Path) -> int:
         if path.suffix == ".vtp":
             assert read_polydata(path).GetNumberOfPoints()
         elif path.suffix == ".pvd":
-            series = read_series(path)
-            assert all(file.is_file() for file in series.files), path
-            for number in range(len(series.times)):
-                series.frame(number)
+            assert all(read_polydata(file).GetNumberOfPoints() for file in files_in(path)), path
         elif path.suffix == ".csv":
             with path.open(newline="") as lines:
                 rows = list(csv.reader(lines))

@@ -17,7 +17,7 @@ from two_joint_scene import save_strap, scene_with
 from vtkmuscle import Scene
 from vtkmuscle.data.arrays import blocks_of, points_of
 from vtkmuscle.io import write_polydata
-from vtkmuscle.opensim import write_opensim
+from vtkmuscle.opensim import export
 
 sys.path.insert(0, str(Path(__file__).parent / "io"))
 from test_damaged_texts import KINDS as TEXTS
@@ -84,7 +84,7 @@ def given(tmp_path_factory):
     grid = {"grid": {"upper": [-10, 10, 10], "lower": [0, 20, 10]}}
     strap = Scene.load(scene_with(made / "strap", made / "gridded", motion=grid, deformer="none"))
     strap.run(folder / "joints", figures=False)
-    write_opensim(folder / "joints", folder / "into.osim")
+    export(folder / "joints", folder / "into.osim")
     for path, content in TEXTS.items():
         (folder / path).write_bytes(content)
     changes = {"joints": None, "opensim": LEG, "motion": {"file": "walk.mot"}, "deformer": "none"}

@@ -1,14 +1,15 @@
 """The files of a run say what they are."""
 
 import pytest
+from faults import files_in
 from tiny_scene import write_tiny_scene
 from typer.testing import CliRunner
 
 import vtkmuscle
 from vtkmuscle.cli import app
-from vtkmuscle.data.arrays import blocks_of, field_array, field_string
+from vtkmuscle.data.arrays import field_array, field_string
 from vtkmuscle.filters import provenance_of
-from vtkmuscle.io import read_series
+from vtkmuscle.io import read_polydata
 
 
 @pytest.fixture(scope="module")
@@ -28,12 +29,11 @@ def call(arguments, status=0):
 
 def test_files_say_what_they_are(results):
     for name in ("spindle", "spindle_fibres", "bones"):
-        frame = read_series(results / f"{name}.pvd").frame(1)
-        frame = blocks_of(frame)[1][1] if frame.IsA("vtkMultiBlockDataSet") else frame
+        frame = read_polydata(files_in(results / f"{name}.pvd")[-1])
         assert field_string(frame, "Units") == "mm"
         assert field_string(frame, "Scene") == "tiny"
         assert field_string(frame, "Version") == vtkmuscle.__version__
-    muscle = read_series(results / "spindle.pvd").frame(1)
+    muscle = read_polydata(files_in(results / "spindle.pvd")[1])
     steps = {step["filter"]: step["parameters"] for step in provenance_of(muscle)}
     assert {"FixedPointDetector", "BoneMotion", "SliceMorpher", "TautPaths", "PathDeformer"} <= set(steps)
     assert steps["PathDeformer"]["iterations"] == 3

@@ -36,14 +36,14 @@ def whole(scene_file, tmp_path_factory):
     """The folder of a run that nobody stops, and the memory in use: before, on the way, and after it."""
     out, used = tmp_path_factory.mktemp("whole") / "out", {}
 
-    def observe(muscle, row):
-        if (row["frame"] + 1) % 200 == 0:
-            used[muscle, row["frame"] + 1] = in_use()
+    def progress(muscle, stage, part):
+        if part > 0.0 and round(part * FRAMES) % 200 == 0:
+            used[muscle, round(part * FRAMES)] = in_use()
 
     scene = Scene.load(scene_file)
     scene.run(None, frames="0:2", figures=False)  # what is compiled and loaded
     used["before"] = in_use()
-    result = scene.run(out, figures=False, workers=1, observe=observe)
+    result = scene.run(out, figures=False, workers=1, progress=progress)
     frame = 48 * result.rest_muscle("spindle").n_points
     frame += 1024 * result.fibres("spindle", frame=0).GetActualMemorySize()
     used["kept"] = FRAMES * frame

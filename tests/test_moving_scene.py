@@ -9,7 +9,8 @@ from tiny_scene import write_tiny_scene
 from vtkmuscle import InputError, Scene, phantoms
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.data.arrays import points_of
-from vtkmuscle.plotting import MovingScene, can_render
+from vtkmuscle.plotting import can_render
+from vtkmuscle.plotting.plotters import MovingScene
 from vtkmuscle.run.figures import ResultDisplay
 
 pytestmark = pytest.mark.skipif(can_render() is not None, reason=str(can_render()))

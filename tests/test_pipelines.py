@@ -10,15 +10,17 @@ from vtkmuscle import Scene
 from vtkmuscle.data.arrays import cell_array, points_of, polylines_of
 from vtkmuscle.data.attachments import Aponeurosis, aponeuroses_data, attachments_from
 from vtkmuscle.filters import (
+    BoneMotion,
     FibreMetrics,
     FibreSmoother,
     FibreSource,
     FibreTransport,
     PathDeformer,
     PBDDeformer,
+    TautPaths,
 )
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.pipelines import DEFORMERS, FIBRE_SETTINGS, MusclePipeline, decompose, deform, pull_taut
+from vtkmuscle.pipelines import DEFORMERS, FIBRE_SETTINGS, MusclePipeline, decompose, deform
 from vtkmuscle.run import muscle_pipeline
 
 
@@ -102,7 +104,10 @@ def test_a_muscle_pipeline_of_paths_pulls_the_fibres_taut(scene, muscle, attachm
     )
     assert pipeline.deformer is None
     assert pipeline.metrics.fibres is pipeline.taut_paths
-    taut = pull_taut(muscle, bones, motion, decompose(muscle, attachments, **FEW_FIBRES), attachments)
+    fixed = FixedPointDetector(muscle=muscle, bones=bones, attachments=attachments)
+    posed = {"rest_bones": bones, "bones": BoneMotion(bones=bones, motion=motion)}
+    rest = {"rest_fibres": decompose(fixed, attachments, **FEW_FIBRES), "rest_muscle": fixed}
+    taut = TautPaths(**rest, **posed, attachments=attachments)
     found = points_of(pipeline.metrics.update(time=10.0).output)
     np.testing.assert_array_equal(found, points_of(taut.update(time=10.0).output))
 

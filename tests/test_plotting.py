@@ -15,15 +15,13 @@ from vtkmuscle.plotting import (
     can_render,
     choose_view,
     drawing,
-    framed,
     make_plotter,
     plot_lengths,
-    plot_rest_pose,
 )
-from vtkmuscle.plotting.figures import positions_across, shown_range
+from vtkmuscle.plotting.figures import plot_rest_pose, positions_across, shown_range
 from vtkmuscle.plotting.sheets import Pixels
 from vtkmuscle.plotting.studio import actors_of, strain_colours
-from vtkmuscle.plotting.views import DrawnBones
+from vtkmuscle.plotting.views import DrawnBones, framed
 
 
 def spindle():

@@ -61,7 +61,12 @@ def without_times(report):
 def test_other_processes_write_and_warn_as_this_one_does(scene, tmp_path, started):
     near = replace(scene.muscles[SECOND], fixing={"method": "proximity", "distance": 100.0})
     scene = replace(scene, muscles={**scene.muscles, SECOND: near})
-    warned, rows = {}, {name: [] for name in NAMES}
+    warned, parts = {}, {name: [] for name in NAMES}
+
+    def note(muscle, stage, part):
+        if stage == "deforming":
+            parts[muscle].append(part)
+
     for workers in (1, 2):
         assert not started
         with warnings.catch_warnings(record=True) as caught:
@@ -69,14 +74,14 @@ def test_other_processes_write_and_warn_as_this_one_does(scene, tmp_path, starte
             scene.run(
                 tmp_path / f"{workers}",
                 **{**OPTIONS, "workers": workers},
-                observe=lambda muscle, row: rows[muscle].append(row["frame"]),
+                progress=note,
             )
         warned[workers] = [(one.category, str(one.message)) for one in caught]
     assert warned[1] == warned[2]
     assert warned[1][0][1].startswith(f"muscles.{SECOND}: all ")
     assert len(started) == 2
     assert not any(process.is_alive() for process in started)
-    assert rows == {name: 2 * list(range(FRAMES)) for name in NAMES}
+    assert parts == {name: 2 * [frame / FRAMES for frame in range(FRAMES)] for name in NAMES}
     one, other = results(tmp_path / "1"), results(tmp_path / "2")
     assert one.keys() == other.keys()
     assert not [path for path in one if one[path] != other[path]]
@@ -148,11 +153,11 @@ def test_ctrl_c_ends_all_processes(scene, tmp_path):
 
 @pytest.mark.slow
 def test_a_process_that_is_killed_ends_the_run_with_a_remedy(scene, tmp_path, started):
-    def kill(muscle, row):
+    def kill(muscle, stage, part):
         started[0].kill()
 
     with pytest.raises(ChildProcessError, match=r"ended early: .* use fewer workers"):
-        scene.run(tmp_path, **OPTIONS, observe=kill)
+        scene.run(tmp_path, **OPTIONS, progress=kill)
     assert report_of(tmp_path)["complete"] is False
 
 

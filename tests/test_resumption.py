@@ -118,11 +118,12 @@ def test_a_folder_without_a_finished_run_is_one_clear_error(scene, tmp_path):
     refused(tmp_path / "file", "this is a file")
     out = tmp_path / "out"
 
-    def stop(muscle, row):
-        raise KeyboardInterrupt
+    def stop(muscle, stage, part):
+        if part > 0.0:
+            raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run(scene, out, observe=stop)
+        run(scene, out, progress=stop)
     refused(out, r"an unfinished run \(KeyboardInterrupt\); finished frames")
     run(scene, out)
     for damage, words in (
@@ -272,12 +273,12 @@ def test_a_run_that_was_stopped_goes_on_and_gives_the_same(scene, tmp_path, comp
     scene = replace(scene, muscle_contact=contact)
     run(scene, tmp_path / "whole")
 
-    def stop(muscle, row):
-        if muscle == "thin" and row["frame"] == 2:
+    def stop(muscle, stage, part):
+        if muscle == "thin" and part > 0.5:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run(scene, tmp_path / "out", observe=stop)
+        run(scene, tmp_path / "out", progress=stop)
     computed.clear()
     result = run(scene, tmp_path / "out")
     # Where muscles may meet, each asks those before it where they are.

@@ -109,7 +109,7 @@ def test_several_coordinates_are_named_with_their_values(tmp_path):
     motion = {"grid": {"hip_flexion_r": [0, 20, 20], "lower": [0, 10, 10]}}
     file = scene_with(tmp_path / "strap", tmp_path, joints=joints, motion=motion, deformer="none")
     result = Scene.load(file).run(figures=False, sense=False)
-    frames, lengths, *_ = run_figures.figures_of_muscle(result.plain(), "strap")
+    frames, lengths, *_ = run_figures.figures_of_muscle(result, "strap")
     assert frames.arguments["frames"][-1].label == "right hip flexion 20°, lower 0°"
     assert lengths.arguments["time_label"] == "right hip flexion [degrees]\nlower [degrees]"
     assert list(lengths.arguments["ticks"].values()) == ["0\n0", "0\n10", "20\n10", "20\n0"]

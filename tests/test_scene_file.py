@@ -25,8 +25,19 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.filters import PathDeformer, PBDDeformer, TautPaths
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.io import read_surface, write_polydata
-from vtkmuscle.scene.schema import Area, Hinge, Motion, MuscleTable, SceneTable
-from vtkmuscle.scene.schema_types import Axis, Hill, JointTable, OpenSimTable, Paths, Solver
+from vtkmuscle.scene.schema import (
+    Area,
+    Axis,
+    Hill,
+    Hinge,
+    JointTable,
+    Motion,
+    MuscleTable,
+    OpenSimTable,
+    Paths,
+    SceneTable,
+    Solver,
+)
 from vtkmuscle.scene.writing import tables_of
 
 

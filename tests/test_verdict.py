@@ -15,6 +15,7 @@ from vtkmuscle.core.moment_arms.levers import even_stretches, largest_turns, len
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import add_arrays, points_of, triangles_of, with_points
 from vtkmuscle.filters import PathDeformer
+from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report_values import DEFINITIONS
 from vtkmuscle.run.verdict import (
@@ -23,7 +24,6 @@ from vtkmuscle.run.verdict import (
     FULL_SIZE,
     LONGEST,
     SHORTEST,
-    FibreHistory,
     judge,
     reasons_of,
 )
@@ -74,8 +74,12 @@ def verdict(table=None, **given):
     fibres |= {name: given.pop(name) for name in [*given] if name in fibres}
     if fibres["lengths"] is not None and fibres["paths"] is None:
         fibres["paths"] = 0.99 * fibres["lengths"]
-    history = None if fibres["lengths"] is None else FibreHistory(**fibres)
-    return judge(table or rows(), history, **{"motion": MOTION, "n_edges": 1000, **given})
+    paths, of_fibres = (
+        list(fibres[name]) if fibres[name] is not None else [] for name in ("paths", "lengths")
+    )
+    report = {"frames": table or rows(), "fibres": fibres["at_rest"] or {}}
+    track = MuscleTrack(lengths=paths, fibre_lengths=of_fibres, report=report)
+    return judge(track, fibres["rest_lengths"], **{"motion": MOTION, "n_edges": 1000, **given})
 
 
 def test_a_good_muscle_is_ok_and_all_was_checked():
@@ -197,9 +201,9 @@ def test_what_has_no_figure_is_not_judged_and_told():
 def test_what_could_not_be_computed_failed_also_in_the_first_frame_kept():
     for count in (5, 0):
         failure = (5, 10.0, InputError("", "out of range", "use less force"))
-        found = judge(
-            rows()[:count], FibreHistory(lengths()[:count], lengths()[0]), n_edges=1000, failure=failure
-        )
+        report = {"frames": rows()[:count]}
+        track = MuscleTrack(fibre_lengths=list(lengths()[:count]), report=report, failure=failure)
+        found = judge(track, lengths()[0], n_edges=1000)
         (reason,) = reasons_of(found)
         assert (found["verdict"], reason.frame, reason.do) == ("failed", 5, "use less force")
         assert "out of range" in reason.says

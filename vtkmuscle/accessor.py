@@ -7,15 +7,13 @@ from typing import Any
 
 import numpy as np
 import pyvista
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, blocks_of, joined_triangles, polylines_from
+from vtkmuscle.data.arrays import Polylines, joined_triangles, polylines_from
 from vtkmuscle.data.attachments import AttachmentArea, landmarks_of
-from vtkmuscle.filters.fibre_metrics import FibreMetrics
-from vtkmuscle.filters.fibre_tubes import FibreTubes
-from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.filters import FibreMetrics, FixedPointDetector
 from vtkmuscle.pipelines import decompose, deform
 from vtkmuscle.plotting.plotters import MovingScene
 
@@ -42,7 +40,7 @@ class MuscleAccessor:
     >>> fibres = mesh.muscle.fibres(attachments=attachments, n_fibres=10)
     >>> fibres.muscle.fibre_lengths().shape
     (10,)
-    >>> fixed = mesh.muscle.fixed(phantom.bones, attachments=attachments)
+    >>> fixed = mesh.muscle.fixed(phantom.bones, attachments)
     >>> bent = fixed.muscle.deformed(phantom.bones, phantom.motion, time=10.0, iterations=3)
     >>> bool(abs(bent.volume / mesh.volume - 1.0) < 0.01)
     True
@@ -57,31 +55,20 @@ class MuscleAccessor:
         joined, changes = joined_triangles(self._given)
         return pyvista.wrap(joined) if changes else self._given
 
-    def fixed(
-        self,
-        bones: Any,
-        *,
-        origin: Any = None,
-        insertion: Any = None,
-        attachments: Any = None,
-        **parameters: Any,
-    ) -> Any:
+    def fixed(self, bones: Any, attachments: Any, **parameters: Any) -> Any:
         """Return the muscle with the point array ``FixedTo``.
 
         Parameters
         ----------
         bones : pyvista.MultiBlock or mapping of str to vtkPolyData
             Bones at rest, by name.
-        origin, insertion : mapping of str to landmarks, optional
-            Landmarks of an attachment area by bone: a (k, 3) array or a polyline [mm]; a ring repeats its
-            first point.
-        attachments : vtkMultiBlockDataSet or sequence of AttachmentArea, optional
-            All areas, instead of ``origin`` and ``insertion``.
+        attachments : vtkMultiBlockDataSet or sequence of AttachmentArea
+            The attachment areas.
         **parameters
             Of :class:`~vtkmuscle.filters.FixedPointDetector`: ``method``, ``distance``.
         """
-        areas = _areas(origin, insertion, attachments, bones)
-        return FixedPointDetector(muscle=self._mesh, bones=bones, attachments=areas, **parameters).apply()
+        detector = FixedPointDetector(muscle=self._mesh, bones=bones, attachments=attachments, **parameters)
+        return detector.apply()
 
     def deformed(
         self,
@@ -90,8 +77,6 @@ class MuscleAccessor:
         *,
         time: float | None = None,
         fibres: Any = None,
-        origin: Any = None,
-        insertion: Any = None,
         attachments: Any = None,
         fixing: Mapping[str, Any] | None = None,
         **solver: Any,
@@ -100,30 +85,22 @@ class MuscleAccessor:
 
         Parameters
         ----------
-        bones : pyvista.MultiBlock or mapping of str to vtkPolyData
-            Bones at rest, by name.
+        bones, attachments
+            As of :meth:`fixed`; a mesh with the point array ``FixedTo`` needs no attachments.
         motion : RigidMotion
             Motion of the bones.
         time : float, optional
             Time; by default the last time step of the motion.
         fibres : vtkPolyData, optional
             Fibres at rest, for the paths.
-        origin, insertion, attachments
-            As of :meth:`fixed`; not needed for a mesh with the point array ``FixedTo``.
         fixing : mapping, optional
             Parameters of FixedPointDetector; not needed for a mesh with ``FixedTo``.
         **solver
             Parameters of :class:`~vtkmuscle.filters.PBDDeformer`.
-
-        Returns
-        -------
-        pyvista.PolyData
-            The muscle at that time.
         """
-        areas = _areas(origin, insertion, attachments, bones)
-        marked = areas is None and fixing is None and "FixedTo" in self._mesh.point_data
+        marked = attachments is None and fixing is None and "FixedTo" in self._mesh.point_data
         fixed = None if marked else fixing or {}
-        last = deform(self._mesh, bones, motion, areas, fibres=fibres, fixing=fixed, **solver)
+        last = deform(self._mesh, bones, motion, attachments, fibres=fibres, fixing=fixed, **solver)
         return last.apply(time=time)
 
     def fibres(
@@ -133,15 +110,18 @@ class MuscleAccessor:
 
         Parameters
         ----------
-        origin, insertion, attachments
-            As of :meth:`fixed`; the landmarks of a single area need no bone.
+        origin, insertion : (k, 3) array_like or vtkPolyData, optional
+            Landmarks of each area [mm], as points or a polyline; a ring repeats its first point.
+        attachments : vtkMultiBlockDataSet or sequence of AttachmentArea, optional
+            All areas, instead of ``origin`` and ``insertion``.
         **settings
             Of :func:`vtkmuscle.pipelines.decompose`: ``template``, ``n_fibres``, ``resolution`` and so on.
         """
-        areas = _areas(origin, insertion, attachments, None)
-        if areas is None:
-            raise ValueError("mesh.muscle.fibres: give origin= and insertion=, or attachments=")
-        return decompose(self._mesh, areas, **settings).apply()
+        rings = {"origin": origin, "insertion": insertion}
+        areas = [_area(role, points) for role, points in rings.items() if points is not None]
+        if (attachments is None) == (not areas):
+            raise ValueError("mesh.muscle.fibres: give either origin= and insertion=, or attachments=")
+        return decompose(self._mesh, areas or attachments, **settings).apply()
 
     def fibre_lengths(self) -> Floats:
         """Return the length of each polyline (n,) [mm]. By FibreMetrics."""
@@ -150,7 +130,7 @@ class MuscleAccessor:
     def plot(
         self, *, fibres: Any = None, bones: Any = None, show: bool = True, off_screen: bool | None = None
     ) -> Any:
-        """Show the muscle, with fibres and bones in the same pose, in a window or a cell of a notebook.
+        """Show the muscle. With fibres and bones in the same pose, in a window or a cell of a notebook.
 
         With ``show=False`` the plotter is returned before it is shown; ``off_screen`` is PyVista's own
         setting by default.
@@ -160,42 +140,14 @@ class MuscleAccessor:
         muscles = {} if lines_alone else {"muscle": self._mesh}
         lines = self._mesh if lines_alone else fibres
         scene = MovingScene(named, muscles, {} if lines is None else {"muscle": lines}, off_screen=off_screen)
-        if not show:
-            return scene.plotter
-        scene.plotter.show()
-        return None
-
-    def tubes(self, **parameters: Any) -> Any:
-        """Return tubes around polylines. By :class:`~vtkmuscle.filters.FibreTubes`."""
-        return FibreTubes(**parameters).apply(self._mesh)
+        return scene.plotter.show() if show else scene.plotter
 
 
-def _areas(origin: Any, insertion: Any, attachments: Any, bones: Any) -> Any:
-    """Return attachment areas for filters. With bones, each area needs a bone."""
-    roles = {"origin": origin, "insertion": insertion}
-    by_role = {role: landmarks for role, landmarks in roles.items() if landmarks is not None}
-    if attachments is not None and by_role:
-        raise ValueError("mesh.muscle: give attachments=, or origin= and insertion=, not both")
-    if attachments is not None:
-        return attachments
-    areas: list[AttachmentArea] = []
-    for role, landmarks in by_role.items():
-        if not isinstance(landmarks, Mapping) or isinstance(landmarks, vtkDataObject):
-            if bones is not None:
-                names = bones if isinstance(bones, Mapping) else dict(blocks_of(bones))
-                problem = f"{role} needs a bone: {{bone: landmarks}}, with a bone of"
-                raise ValueError(f"mesh.muscle: {problem} {', '.join(map(repr, names))}")
-            landmarks = {role: landmarks}  # noqa: PLW2901 -- fibres do not need the bone
-        for bone, where in landmarks.items():
-            points, closed = landmarks_of(_polyline(where), f"mesh.muscle: {role} on {bone!r}")
-            areas.append(AttachmentArea(role, bone, points, closed))
-    return areas or None
-
-
-def _polyline(landmarks: Any) -> vtkPolyData:
-    if isinstance(landmarks, vtkPolyData):
-        return landmarks
-    points = np.asarray(landmarks, dtype=np.float64)
-    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
-        raise ValueError(f"mesh.muscle: landmarks must be an array (k, 3), got the shape {points.shape}")
-    return polylines_from(Polylines(points, np.array([0, len(points)])))
+def _area(role: str, landmarks: Any) -> AttachmentArea:
+    """Return an area of landmarks; fibres do not need its bone."""
+    if not isinstance(landmarks, vtkPolyData):
+        points = np.asarray(landmarks, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+            raise ValueError(f"mesh.muscle: landmarks must be an array (k, 3), got the shape {points.shape}")
+        landmarks = polylines_from(Polylines(points, np.array([0, len(points)])))
+    return AttachmentArea(role, role, *landmarks_of(landmarks, f"mesh.muscle: {role}"))

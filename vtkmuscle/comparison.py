@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,8 +15,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, read_literature, side_apart
-from vtkmuscle.run.result import Result
-from vtkmuscle.run.table import Table
+from vtkmuscle.run import Result, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,31 +45,40 @@ class Curve:
     mean: Floats
 
 
-@dataclass(eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Comparison:
     """The result of :func:`compare`.
 
     Attributes
     ----------
-    names : list of str
-        Of the runs; the first is the reference.
     curves : dict of str to dict of str to dict of str to Curve
         By muscle, quantity and run.
     literature, verdicts : dict
         Published moment arms by muscle; verdicts by muscle and run.
     """
 
-    names: list[str] = field(default_factory=list)
-    curves: dict[str, dict[str, dict[str, Curve]]] = field(default_factory=dict)
-    literature: dict[str, tuple[LiteratureCurve, ...]] = field(default_factory=dict)
-    verdicts: dict[tuple[str, str], str] = field(default_factory=dict)
+    curves: dict[str, dict[str, dict[str, Curve]]]
+    literature: dict[str, tuple[LiteratureCurve, ...]]
+    verdicts: dict[tuple[str, str], str]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the runs; the first is the reference."""
+        return list(dict.fromkeys(name for _, name in self.verdicts))
 
     def __repr__(self) -> str:
         return f"Comparison of {', '.join(self.names)}: {', '.join(self.curves)}"
 
     def table(self) -> Table:
         """Return means and differences to the first run. A row per muscle, quantity and run."""
-        return Table(COLUMNS, self._rows())
+        rows: list[tuple[object, ...]] = []
+        for muscle, quantities in self.curves.items():
+            for quantity, runs in quantities.items():
+                first = next(iter(runs.values()))
+                for name, curve in runs.items():
+                    words = (muscle, quantity, curve.unit, name, self.verdicts[muscle, name])
+                    rows.append((*words, float(curve.mean.mean()), *difference(curve, first)))
+        return Table(COLUMNS, rows)
 
     def figure(self) -> Figure:
         """Return a figure of all curves. A row of panels per muscle, a panel per quantity."""
@@ -103,25 +111,6 @@ class Comparison:
         table = self.table().to_csv(Path(folder) / "comparison.csv", digits=6)
         save_figure(self.figure(), Path(folder) / "comparison.png")
         return [table, Path(folder) / "comparison.png"]
-
-    def add(self, name: str, muscle: str, curves: Sequence[Curve], verdict: str = "") -> None:
-        """Add the curves of a muscle in a run."""
-        quantities = self.curves.setdefault(side_apart(muscle), {})
-        if any(name in runs for runs in quantities.values()):
-            name = f"{name}, {muscle}"  # both sides of one run
-        for curve in curves:
-            quantities.setdefault(curve.quantity, {})[name] = curve
-        self.verdicts[side_apart(muscle), name] = verdict
-        if name not in self.names:
-            self.names.append(name)
-
-    def _rows(self) -> Iterator[tuple[object, ...]]:
-        for muscle, quantities in self.curves.items():
-            for quantity, runs in quantities.items():
-                first = next(iter(runs.values()))
-                for name, curve in runs.items():
-                    row = (muscle, quantity, curve.unit, name, self.verdicts[muscle, name])
-                    yield *row, float(curve.mean.mean()), *difference(curve, first)
 
 
 def compare(
@@ -163,13 +152,18 @@ def compare(
     array(['mm'], dtype='<U2')
     """
     named = dict(results) if isinstance(results, Mapping) else _named(results)
-    compared = Comparison()
+    compared = Comparison({}, {}, {})
     published = None if literature is None else read_literature(literature)
     for name, result in named.items():
         for muscle in result.muscle_names:
-            compared.add(name, muscle, curves_of(result, muscle), result.verdicts[muscle])
+            common = side_apart(muscle)
+            run = f"{name}, {muscle}" if (common, name) in compared.verdicts else name  # both sides of a run
+            compared.verdicts[common, run] = result.verdicts[muscle]
+            for curve in curves_of(result, muscle):
+                quantities = compared.curves.setdefault(common, {})
+                quantities.setdefault(curve.quantity, {})[run] = curve
             curves = result.literature.get(muscle, ()) if published is None else published
-            compared.literature.setdefault(side_apart(muscle), curves_for(curves, muscle=muscle))
+            compared.literature.setdefault(common, curves_for(curves, muscle=muscle))
     shared = any(len(runs) > 1 for curves in compared.curves.values() for runs in curves.values())
     if not shared and not any(compared.literature.values()):
         listed = "; ".join(f"{name}: {', '.join(result.muscle_names)}" for name, result in named.items())

@@ -61,12 +61,10 @@ def _measured() -> Iterator[tuple[str, float, float, float]]:
     block = pennate_block()
     known_block: Any = block.known
     architecture = Scene.from_phantom(block, n_fibres=N_FIBRES).run(frames="0")["block"].architecture
-    for quantity, key, unit in (
-        ("fibre_length", "fascicle_length_mm", "mm"),
-        ("pennation", "fascicle_pennation_origin_deg", "degrees"),
-    ):
-        words = f"pennate_block: mean {quantity.replace('_', ' ')} [{unit}]"
-        yield words, architecture[key]["mean"], known_block[quantity], FIBRE_ERROR
+    keys = "fascicle_length_mm", "fascicle_pennation_origin_deg"
+    length, angle = (architecture[key]["mean"] for key in keys)
+    yield "pennate_block: mean fibre length [mm]", length, known_block["fibre_length"], FIBRE_ERROR
+    yield "pennate_block: mean pennation [degrees]", angle, known_block["pennation"], FIBRE_ERROR
 
 
 def installation() -> dict[str, str]:

@@ -22,8 +22,7 @@ from vtkmuscle.core.words import suggestion
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import checked_surface, surface_from
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.io import read_surface, write_polydata, write_text
-from vtkmuscle.io.msf import landmarks_of, read_msf
+from vtkmuscle.io import read_msf, read_surface, write_polydata, write_text
 from vtkmuscle.io.writing import file_digest, replacing, write_json
 from vtkmuscle.plotting.views import merged
 from vtkmuscle.scene.writing import write_areas
@@ -134,7 +133,7 @@ def write_scene(downloads: Path, folder: Path) -> None:
     pelvis = merged(map(_bone, sorted(downloads.glob("pelvis_*.vtk"))))
     write_polydata(folder / "bones/pelvis.vtp", pelvis)
     write_polydata(folder / "bones/femur_r.vtp", _bone(downloads / "femur_r.vtk"))
-    clouds = landmarks_of(read_msf(downloads / "landmarks.nms"))
+    clouds = read_msf(downloads / "landmarks.nms")
     fibres, muscles = {"template": "parallel", "n_fibres": 100, "resolution": 15}, {}
     for name in _MUSCLES:
         write_polydata(folder / f"muscles/{name}.vtp", read_surface(downloads / f"{name}.vtk"))

@@ -15,13 +15,12 @@ from vtkmuscle.core.words import ByName, suggestion
 from vtkmuscle.core.words import names as as_names
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.plotting.drawing import html_picture
+from vtkmuscle.run import Result, run_scene
 from vtkmuscle.run.frames import run_options
-from vtkmuscle.run.result import Result
-from vtkmuscle.run.steps import run_scene
 from vtkmuscle.scene.checks import checked
 from vtkmuscle.scene.data import Muscle, SceneData, SceneError
 from vtkmuscle.scene.reading import read_fields
-from vtkmuscle.scene.schema_types import Fibres, Paths, Solver
+from vtkmuscle.scene.schema import Fibres, Paths, Solver
 from vtkmuscle.scene.writing import write_scene
 
 if TYPE_CHECKING:
@@ -165,7 +164,7 @@ class Scene(SceneData, ByName):
             Muscles to run; default all.
         **options
             Of :class:`vtkmuscle.run.RunOptions`: ``frames``, ``workers``, ``fresh``, ``overwrite``,
-            ``figures``, ``report``, ``progress``, ``observe``, ``sense`` and ``clock``; and settings of
+            ``figures``, ``report``, ``progress``, ``sense`` and ``clock``; and settings of
             :meth:`with_settings`, such as ``quality``, ``deformer`` or ``n_fibres``.
 
         Returns

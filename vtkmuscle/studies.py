@@ -5,10 +5,9 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from concurrent.futures import BrokenExecutor, as_completed
+from contextlib import ExitStack
 from itertools import product
-from multiprocessing import active_children
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,12 +15,11 @@ from typing import Any
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.machine import processors
-from vtkmuscle.io.children import child_context
+from vtkmuscle.io.children import processes
 from vtkmuscle.io.writing import Outputs, locked
-from vtkmuscle.run import Result, frame_numbers
+from vtkmuscle.run import Result, Table, frame_numbers
 from vtkmuscle.run.frames import run_options
 from vtkmuscle.run.store import ResultFolder, muscle_keys
-from vtkmuscle.run.table import Table
 from vtkmuscle.scenes import Scene
 
 #: Columns that every table has after the subject or the settings; columns of numbers follow.
@@ -149,7 +147,10 @@ def run_labelled(
     outputs = None if out is None else Outputs(Path(out), overwrite=bool(options.get("overwrite")))
     if outputs is not None:
         outputs.check(outputs.folder / "cohort.csv")
-    with _folder(out) as folder:
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(TemporaryDirectory()) if out is None else out)
+        folder.mkdir(parents=True, exist_ok=True)
+        stack.enter_context(locked(folder))
         tasks = []
         for name, (_, scene) in zip(names, labelled, strict=True):
             saved = scene.save(folder / name / "scene") if isinstance(scene, Scene) else Path(scene)
@@ -174,27 +175,18 @@ def _solved(tasks: Sequence[tuple[Any, ...]], client: Any, workers: int) -> Iter
         for number, task in enumerate(tasks):
             yield number, _rows(*task)
         return
-    before = active_children()
-    if client is None:
-        pool = ProcessPoolExecutor(min(workers, len(tasks)), child_context())
-    else:
-        pool = client.get_executor(pure=False)
-    try:
+    with ExitStack() as stack:  # Ctrl-C, or an error in progress(): nobody waits for scenes that still run
+        if client is None:
+            pool = stack.enter_context(processes(min(workers, len(tasks))))
+        else:
+            pool = client.get_executor(pure=False)
+            stack.callback(pool.shutdown, wait=False)  # cancels the tasks that have not begun
         jobs = {pool.submit(_rows, *task): number for number, task in enumerate(tasks)}
         for job in as_completed(jobs):
             try:
                 yield jobs[job], job.result()
             except BrokenExecutor:
-                yield jobs[job], [_failed("the process was killed or out of memory; run it again")]
-    except BaseException:  # Ctrl-C, or an error in progress(): nobody waits for the scenes that still run
-        for process in set(active_children()).difference(before):
-            process.terminate()
-        raise
-    finally:
-        if client is None:
-            pool.shutdown(cancel_futures=True)
-        else:
-            pool.shutdown(wait=False)  # cancels the tasks that have not begun
+                yield jobs[job], [_words("the process was killed or out of memory; run it again")]
 
 
 def _rows(file: Path, out: Path | None, options: Mapping[str, Any]) -> list[Row]:
@@ -205,7 +197,7 @@ def _rows(file: Path, out: Path | None, options: Mapping[str, Any]) -> list[Row]
         if result is None:
             result = scene.run(out, **options)
     except (ValueError, OSError, MemoryError) as error:
-        return [_failed(" ".join(str(error).split()) or type(error).__name__, out)]
+        return [_words(" ".join(str(error).split()) or type(error).__name__, out)]
     return [_row(result, name, out) for name in result.muscle_names]
 
 
@@ -218,16 +210,15 @@ def _finished(scene: Scene, out: Path, frames: Any) -> Result | None:
     return Result.load(out)
 
 
-def _failed(message: str, out: Path | None = None) -> Row:
-    values = ("", "failed", message, "" if out is None else out.name)
-    return dict(zip(COLUMNS, values, strict=True))
+def _words(message: str, out: Path | None = None, muscle: str = "", verdict: str = "failed") -> Row:
+    """Return the columns that every row has; by default those of a failed scene."""
+    return dict(zip(COLUMNS, (muscle, verdict, message, "" if out is None else out.name), strict=True))
 
 
 def _row(result: Result, name: str, out: Path | None) -> Row:
     """Return the numbers of a muscle by column."""
     muscle, message = result.report["muscles"][name], "; ".join(result[name].reasons)
-    values = (name, result.verdicts[name], message, "" if out is None else out.name)
-    row: Row = dict(zip(COLUMNS, values, strict=True))
+    row = _words(message, out, name, result.verdicts[name])
     row |= {"frames": len(muscle["frames"]), "seconds": sum(muscle["seconds"].values())}
     row["volume_mm3"] = muscle.get("volume_mm3")
     architecture = muscle.get("architecture", {})
@@ -246,15 +237,3 @@ def folder_name(labels: Mapping[str, Any]) -> str:
     name = ", ".join(map(str, labels.values()))
     readable = re.sub(r"[^A-Za-z0-9.-]+", "_", name).strip("._")[-_LONGEST:]
     return f"{readable}-{hashlib.sha256(name.encode()).hexdigest()[:16]}"
-
-
-@contextmanager
-def _folder(out: str | PathLike[str] | None) -> Iterator[Path]:
-    """Give the held folder of the results."""
-    if out is None:
-        with TemporaryDirectory() as folder:
-            yield Path(folder)
-    else:
-        Path(out).mkdir(parents=True, exist_ok=True)
-        with locked(Path(out)):
-            yield Path(out)

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters.deformer import PRESETS
 from vtkmuscle.filters.taut_paths import PATH_PRESETS
 from vtkmuscle.io.literature import curves_for, drawn
 from vtkmuscle.io.writing import Outputs
-from vtkmuscle.run import Result
-from vtkmuscle.run.table import Table
+from vtkmuscle.run import Result, Table
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scenes import Scene
 from vtkmuscle.studies import Row, folder_name, run_labelled
@@ -28,9 +28,9 @@ from vtkmuscle.studies import Row, folder_name, run_labelled
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_TABLES = toml_table("vtkmuscle", "tradeoffs.toml")
 #: Settings that are tried where none are named.
-_QUALITIES = ("preview", "balanced", "accurate")
-TRIED: Mapping[str, tuple[Any, ...]] = {"deformer": ("none", "paths", "pbd"), "quality": _QUALITIES}
+TRIED: Mapping[str, Sequence[Any]] = _TABLES["tried"]
 
 #: The limit of a deformer: the numbers of ``"accurate"``, doubled.
 _FINEST_PATHS = {"paths": {"resolution": 2 * PATH_PRESETS["accurate"]["resolution"]}}
@@ -42,12 +42,7 @@ _OF_QUALITY = {"resolution", "n_paths", "iterations", "solved_triangles"}
 
 #: Columns of errors [mm], root mean squares over frames: of mean lengths, mean moment arms and points against
 #: the limit of the deformer, and of mean moment arms against published curves of the scene.
-ERRORS: Mapping[str, str] = {
-    "length_rms_mm": "mean length, to the limit, RMS [mm]",
-    "moment_arm_rms_mm": "mean moment arm, to the limit, RMS [mm]",
-    "surface_rms_mm": "points, to the limit, RMS [mm]",
-    "published_rms_mm": "mean moment arm, to published curves, RMS [mm]",
-}
+ERRORS: Mapping[str, str] = _TABLES["errors"]
 
 #: Name of all muscles together: the sum of times, the largest error.
 ALL = "all"
@@ -123,7 +118,6 @@ def tradeoff(
     *,
     frames: str | slice | range | int | None = None,
     workers: int | None = 1,
-    client: Any = None,
     progress: Callable[[Sequence[Row]], None] | None = None,
     overwrite: bool = False,
     **settings: Iterable[Any],
@@ -139,17 +133,12 @@ def tradeoff(
     out : path, optional
         Folder for the runs, the table and the figure; finished runs in the folder are read instead of run
         again. Default: no files are kept.
-    frames, client, progress, overwrite
+    frames, progress, overwrite
         As of :func:`vtkmuscle.cohort`.
     workers : int, optional
         Number of processes; runs side by side disturb each other's times.
     **settings : iterable
         Values as of :func:`vtkmuscle.vary`; default: :data:`TRIED`.
-
-    Returns
-    -------
-    Tradeoff
-        Table, figure and :meth:`Tradeoff.cheapest`.
 
     Raises
     ------
@@ -181,7 +170,7 @@ def tradeoff(
     options = {"frames": frames, "overwrite": overwrite, "clock": time.process_time, "sense": False}
     with TemporaryDirectory() as temporary:
         folder = Path(temporary if out is None else out)
-        table = run_labelled(labelled, folder, client, workers, progress, options)
+        table = run_labelled(labelled, folder, None, workers, progress, options)
         messages = dict(zip(table["folder"], table["message"], strict=True))
         folders = [folder / folder_name(labels) for labels, _ in labelled]
         # A run that has failed as a whole has no report.

@@ -40,7 +40,7 @@ class SceneTable(SphinxDirective):
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
-        known = {**vars(vtkmuscle.scene.schema_types), **vars(vtkmuscle.scene.schema)}
+        known = vars(vtkmuscle.scene.schema)
         rows = []
         for name, field in known[self.arguments[0]].model_fields.items():
             plain = isinstance(field.default, str | bool)

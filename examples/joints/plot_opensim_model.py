@@ -18,7 +18,7 @@ import tomli_w
 from leg import leg, leg_tree
 
 from vtkmuscle import Scene
-from vtkmuscle.opensim import osim_of, read_osim, write_opensim
+from vtkmuscle.opensim import export, osim_of, read_osim
 from vtkmuscle.opensim.muscle_paths import moment_arm
 
 folder = Path(tempfile.mkdtemp())
@@ -31,7 +31,7 @@ hill = {"optimal_fibre_length": 80, "tendon_slack_length": 415, "pcsa": 14, "spe
 tables["muscles"] = {"rectus_femoris": tables["muscles"]["rectus_femoris"] | {"hill": hill}}
 del tables["bones"]["foot"]
 scene_file.write_text(tomli_w.dumps(tables))
-print(*write_opensim(scene_file, folder / "enriched.osim", into=folder / "leg.osim"))
+print(*export(scene_file, folder / "enriched.osim", into=folder / "leg.osim"))
 
 # %%
 # The enriched model over flexion of the hip: the muscle flexes the hip, and extends the knee.

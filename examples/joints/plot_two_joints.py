@@ -17,7 +17,7 @@ import tomli_w
 from leg import leg
 
 from vtkmuscle import Scene
-from vtkmuscle.opensim import read_osim, write_opensim
+from vtkmuscle.opensim import export, read_osim
 from vtkmuscle.opensim.muscle_paths import moment_arm
 
 phantom = leg()
@@ -44,7 +44,7 @@ arms = result.moment_arms()["rectus_femoris"]
 
 # %%
 # Export to OpenSim: a single muscle for all fibres. The exported model has the moment arms.
-(written,) = write_opensim(scene_file, folder / "rectus_femoris.osim", result=result)
+(written,) = export(scene_file, folder / "rectus_femoris.osim", result=result)
 print(written)
 model = read_osim(folder / "rectus_femoris.osim")
 values = {name: one.natural for name, one in result.motion.coordinates.items()}

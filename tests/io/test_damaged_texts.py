@@ -11,7 +11,7 @@ import osim_texts as texts
 import pytest
 import test_io_msf as trees
 
-from vtkmuscle.io import landmarks_of, read_landmarks, read_msf
+from vtkmuscle.io import read_landmarks, read_msf
 from vtkmuscle.io.xml_elements import read_xml
 from vtkmuscle.opensim import read_motion_file, read_osim
 
@@ -51,9 +51,7 @@ def use(path):
         lengths = [one.path.lengths(model.tree, sweep) for one in model.muscles.values()]
         return [*model.tree.poses(sweep).values(), *lengths]
     if path.suffix == ".msf":
-        root = read_msf(path)
-        landmarks = (place for cloud in landmarks_of(root).values() for place in cloud.values())
-        return [*(pose for _, pose in root.walk()), *landmarks]
+        return [position for cloud in read_msf(path).values() for position in cloud.values()]
     if path.suffix in (".mot", ".sto"):
         return [read_motion_file(path).table]
     return [read_landmarks(path)[0]]

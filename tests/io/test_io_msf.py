@@ -1,10 +1,10 @@
-"""Trees of MAF and ALBA: where surfaces and landmarks are, and what is refused."""
+"""Trees of MAF and ALBA: where landmarks are, and what is refused."""
 
 import numpy as np
 import pytest
 
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
-from vtkmuscle.io import landmarks_of, read_msf
+from vtkmuscle.io import read_msf
 
 TURNED = rotation_about((1.0, 2.0, 3.0), (1, 2, 0), 40.0)
 SHIFTED = np.eye(4)
@@ -71,7 +71,7 @@ def there(tmp_path):
 
 
 def test_landmarks_are_in_the_frames_of_cloud_and_parent(there):
-    found = landmarks_of(read_msf(there))
+    found = read_msf(there)
     assert list(found["origin"]) == ["ASIS", "ASIS (2)"]
     expected = apply_transform(TURNED @ SHIFTED, np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]))
     np.testing.assert_allclose(list(found["origin"].values()), expected, atol=1e-9)

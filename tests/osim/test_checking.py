@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from vtkmuscle.cli import app
 from vtkmuscle.joints.functions import IDENTITY, PiecewiseLinear, Polynomial
 from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
-from vtkmuscle.opensim import MuscleOut, check_model, osim_of, read_osim, write_opensim
+from vtkmuscle.opensim import MuscleOut, check_model, export, osim_of, read_osim
 from vtkmuscle.opensim.muscle_paths import Cylinder, PathPoint, PointPath, moment_arm
 
 TREE = KinematicTree(
@@ -35,7 +35,7 @@ def test_a_jump_is_found_where_a_point_comes(tmp_path):
     via = PathPoint("thigh", (0.08, 0.1, 0.0), only_in=("flexion", 0.3, 2.0))
     path, found = checked(tmp_path, via)
     jump = found.pop("length jumps")
-    assert jump.pose["flexion"] == pytest.approx(0.3, abs=1e-4)
+    assert np.radians(jump.pose["flexion"]) == pytest.approx(0.3, abs=1e-4)
     at = path.lengths(TREE, {"flexion": np.array([0.2999, 0.3001])})
     assert jump.size == pytest.approx(float(np.diff(at)[0]), abs=1e-4)
     assert jump.sweeps == 1.0
@@ -48,7 +48,7 @@ def test_a_moment_arm_jumps_where_a_point_begins_to_move(tmp_path):
     path, found = checked(tmp_path, via)
     assert "length jumps" not in found
     jump = found["moment arm jumps"]
-    assert jump.pose["flexion"] == pytest.approx(0.3, abs=1e-3)
+    assert np.radians(jump.pose["flexion"]) == pytest.approx(0.3, abs=1e-3)
     arms = moment_arm(path, TREE, {"flexion": np.array([0.299, 0.301])}, "flexion")
     assert jump.size == pytest.approx(abs(float(np.diff(arms)[0])), rel=0.02)
     assert jump.size > 0.005
@@ -59,13 +59,13 @@ def test_a_moment_arm_that_changes_sign_is_found_there(tmp_path):
     (tmp_path / "leg.osim").write_text(osim_of(TREE, [MuscleOut("m", through)]))
     (one,) = check_model(tmp_path / "leg.osim").findings
     assert one.what == "moment arm changes sign"
-    assert one.pose["flexion"] == pytest.approx(0.0, abs=0.05)  # the line goes through the axis
+    assert np.radians(one.pose["flexion"]) == pytest.approx(0.0, abs=0.05)  # the line goes through the axis
     assert one.arms[0] * one.arms[-1] < 0.0
 
 
 def test_a_model_is_repaired_with_the_paths_of_a_scene(ran, tmp_path):
     results = ran[0].parent / "results"
-    write_opensim(results, tmp_path / "good.osim")
+    export(results, tmp_path / "good.osim")
     tree = read_osim(tmp_path / "good.osim").tree
     via = PathPoint("middle", (0.05, -0.1, 0.05), only_in=("upper", 0.2, 2.0))
     path = PointPath([PathPoint("proximal", (0, 0.1, 0)), via, PathPoint("distal", (0, -0.1, 0))])
@@ -150,7 +150,7 @@ def test_fibres_that_leave_their_range_are_found_where_they_are_longest(tmp_path
     found = {each.what: each for each in check_model(tmp_path / "leg.osim").findings}
     above = found["fibre above 1.6 of optimal"]
     assert above.size == pytest.approx(0.1 * optimal)
-    assert above.pose["flexion"] == pytest.approx(angles[lengths.argmax()])
+    assert np.radians(above.pose["flexion"]) == pytest.approx(angles[lengths.argmax()])
     below = 0.5 * optimal - (lengths.min() - slack)
     assert found["fibre below 0.5 of optimal"].size == pytest.approx(below)
 

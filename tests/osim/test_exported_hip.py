@@ -7,7 +7,7 @@ import pytest
 import tomli_w
 
 from vtkmuscle import Scene
-from vtkmuscle.opensim import write_opensim
+from vtkmuscle.opensim import export
 
 pytestmark = [pytest.mark.realdata, pytest.mark.long]
 
@@ -72,7 +72,7 @@ BOUNDS["points"]["gluteus_maximus"] = (1.1, 4.6, 9.0)  # too broad for one line
 
 @pytest.mark.parametrize("form", ["functions", "points"])
 def test_opensim_has_lengths_and_moment_arms_at_poses_that_were_not_fitted(ran, between, tmp_path, form):
-    write_opensim(ran, tmp_path / "hip.osim", form=form)
+    export(ran, tmp_path / "hip.osim", form=form)
     _, model = opensims_model(tmp_path / "hip.osim")
     state = model.initSystem()
     coordinates = [model.updCoordinateSet().get(name) for name in COORDINATES]
@@ -95,7 +95,7 @@ def test_opensim_has_lengths_and_moment_arms_at_poses_that_were_not_fitted(ran, 
 
 @pytest.mark.parametrize("form", ["functions", "points"])
 def test_opensims_static_optimisation_runs(ran, tmp_path, form):
-    write_opensim(ran, tmp_path / "hip.osim", form=form, masses={"pelvis": 10.0, "femur_r": 8.0})
+    export(ran, tmp_path / "hip.osim", form=form, masses={"pelvis": 10.0, "femur_r": 8.0})
     opensim, model = opensims_model(tmp_path / "hip.osim")
     for i in range(model.getCoordinateSet().getSize()):
         name = model.getCoordinateSet().get(i).getName()

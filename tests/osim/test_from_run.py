@@ -15,7 +15,7 @@ from vtkmuscle.cli import app
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.io import read_surface
-from vtkmuscle.opensim import read_osim, write_mujoco, write_opensim
+from vtkmuscle.opensim import export, read_osim
 from vtkmuscle.opensim.export_parts import SPECIFIC_TENSION, completed_properties
 from vtkmuscle.opensim.muscle_paths import PointPath, moment_arm
 from vtkmuscle.scene.joints import pin_joint_of
@@ -45,13 +45,13 @@ def rms(off):
 
 def test_functions_have_the_lengths_of_the_run(ran, tmp_path):
     path, result = ran
-    (muscle,) = write_opensim(path, tmp_path / "strap.osim", result=result)
+    (muscle,) = export(path, tmp_path / "strap.osim", result=result)
     model = read_osim(tmp_path / "strap.osim")
     lengths = 1000.0 * model.muscle("strap").path.lengths(model.tree, values_of(result))
     mean = result.lengths["strap"].mean(axis=1)
-    np.testing.assert_allclose(muscle.length_errors, lengths - mean, atol=1e-6)
-    assert rms(muscle.length_errors) < 0.4
-    for name, off in muscle.arm_errors.items():
+    np.testing.assert_allclose(muscle.errors["length"], lengths - mean, atol=1e-6)
+    assert rms(muscle.errors["length"]) < 0.4
+    for name, off in list(muscle.errors.items())[1:]:
         arms = 1000.0 * moment_arm(muscle.out.path, model.tree, values_of(result), name)
         np.testing.assert_allclose(off, arms - result.moment_arms()["strap"][name].mean, atol=1e-3)
         assert rms(off) < 1.0
@@ -64,8 +64,8 @@ def test_functions_have_the_lengths_of_the_run(ran, tmp_path):
 def test_more_groups_stand_for_the_fibres_better(ran, tmp_path):
     path, result = ran
     force = {"strap": {"max_isometric_force": 500.0}}
-    (whole,) = write_opensim(path, tmp_path / "whole.osim", result=result, parameters=force)
-    groups = write_opensim(path, tmp_path / "groups.osim", result=result, groups=4, parameters=force)
+    (whole,) = export(path, tmp_path / "whole.osim", result=result, parameters=force)
+    groups = export(path, tmp_path / "groups.osim", result=result, groups=4, parameters=force)
     assert sorted(fibre for group in groups for fibre in group.fibres) == list(range(10))
     assert max(group.group_error for group in groups) < whole.group_error
     assert sum(group.out.parameters["max_isometric_force"] for group in groups) == pytest.approx(500.0)
@@ -74,20 +74,20 @@ def test_more_groups_stand_for_the_fibres_better(ran, tmp_path):
 
 def test_points_and_cylinders_have_lengths_and_moment_arms(ran, tmp_path):
     path, result = ran
-    (muscle,) = write_opensim(path, tmp_path / "points.osim", result=result, form="points")
+    (muscle,) = export(path, tmp_path / "points.osim", result=result, form="points")
     assert isinstance(muscle.out.path, PointPath)
     assert {point.body for point in muscle.out.path.points} == {"proximal", "middle", "distal"}
-    assert rms(muscle.length_errors) < 0.7
-    assert all(rms(off) < 2.0 for off in muscle.arm_errors.values())
-    assert abs(muscle.length_errors.mean()) < 0.3  # the tendon's length is that of the path
+    assert rms(muscle.errors["length"]) < 0.7
+    assert all(rms(off) < 2.0 for off in muscle.errors.values())
+    assert abs(muscle.errors["length"].mean()) < 0.3  # the tendon's length is that of the path
 
 
 def test_mujoco_has_the_path_and_the_properties(ran, results, tmp_path):
     mujoco = pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
-    (muscle,) = write_mujoco(results, tmp_path / "strap.xml")
+    (muscle,) = export(results, tmp_path / "strap.xml")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "strap.xml"))
     data = mujoco.MjData(model)
-    write_opensim(results, tmp_path / "strap.osim")
+    export(results, tmp_path / "strap.osim")
     values = values_of(ran[1])
     lengths = muscle.out.path.lengths(read_osim(tmp_path / "strap.osim").tree, values)
     for i in range(0, len(lengths), 5):
@@ -137,7 +137,7 @@ def test_fixed_properties_stay_and_the_tendon_fits():
 
 def test_results_are_exported_without_another_run(ran, results, tmp_path):
     path, result = ran
-    (muscle,) = write_opensim(results, tmp_path / "strap.osim")
+    (muscle,) = export(results, tmp_path / "strap.osim")
     properties = read_osim(tmp_path / "strap.osim").muscle("strap").parameters
     architecture = result.report["muscles"]["strap"]["architecture"]
     fascicle = architecture["fascicle_length_mm"]["mean"] / 1000
@@ -151,12 +151,12 @@ def test_results_are_exported_without_another_run(ran, results, tmp_path):
     scene = path.read_text()
     path.write_text(scene + "\n# changed\n")
     with pytest.raises(ValueError, match="has changed"):
-        write_opensim(results, tmp_path / "strap.osim")
+        export(results, tmp_path / "strap.osim")
     path.write_text(scene)
 
 
 def test_meshes_lie_on_their_bodies(ran, results, tmp_path):
-    write_opensim(results, tmp_path / "strap.osim", masses={"middle": 3.0})
+    export(results, tmp_path / "strap.osim", masses={"middle": 3.0})
     scene, model = Scene.load(ran[0]), read_osim(tmp_path / "strap.osim")
     bones = [(bone, f"{bone}.stl") for bone in scene.bones]
     assert sorted(model.meshes) == sorted([*bones, ("proximal", "strap_at_rest.stl")])
@@ -184,19 +184,19 @@ def test_an_export_that_makes_no_sense_is_refused(results, tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     (tmp_path / "leg.osim").write_text(texts.model_4(forces=texts.muscle("")))
     with pytest.raises(InputError, match=words):
-        write_opensim(results, tmp_path / "out.osim", **options)
+        export(results, tmp_path / "out.osim", **options)
     assert not (tmp_path / "out.osim").exists()
 
 
 def test_a_crossed_coordinate_that_stands_still_is_named_before_a_run(ran, results, tmp_path):
     still = scene_with(ran[0].parent, tmp_path, motion={"grid": {"upper": [-10, 30, 10]}}, deformer="none")
     with pytest.raises(SceneError, match="does not move lower, crossed by muscle 'strap'"):
-        write_opensim(still, tmp_path / "strap.osim")
+        export(still, tmp_path / "strap.osim")
 
 
 def test_a_scene_without_joints_is_not_exported(tmp_path):
     with pytest.raises(SceneError, match="no joints"):
-        write_opensim(save_strap(tmp_path / "strap"), tmp_path / "strap.osim")
+        export(save_strap(tmp_path / "strap"), tmp_path / "strap.osim")
 
 
 def test_a_turn_about_one_axis_is_exported_as_a_pin_joint(tmp_path):
@@ -220,14 +220,14 @@ def test_a_hinge_is_exported_with_the_range_of_the_run(tmp_path):
     head, rest = path.read_text().split("[motion]")
     path.write_text(head + HINGE + "\n[muscles" + rest.split("[muscles", 1)[1])
     result = Scene.load(path).run(tmp_path / "out", figures=False)
-    (written,) = write_opensim(tmp_path / "out", tmp_path / "tiny.osim", kind="PathActuator")
-    assert np.abs(written.length_errors).max() < 0.1
+    (written,) = export(tmp_path / "out", tmp_path / "tiny.osim", kind="PathActuator")
+    assert np.abs(written.errors["length"]).max() < 0.1
     tree = read_osim(tmp_path / "tiny.osim").tree
     (coordinate,) = tree.coordinates
     values = result.motion.coordinates[coordinate.name].values
     assert coordinate.range == pytest.approx(tuple(np.radians([values.min(), values.max()])))
     assert "<clamped>true</clamped>" in (tmp_path / "tiny.osim").read_text()
-    write_mujoco(tmp_path / "out", tmp_path / "tiny.xml", kind="PathActuator")
+    export(tmp_path / "out", tmp_path / "tiny.xml", kind="PathActuator")
     (joint,) = re.findall(r"<joint [^>]*>", (tmp_path / "tiny.xml").read_text())
     (limits,) = re.findall(r'range="([^"]*)"', joint)
     assert [float(limit) for limit in limits.split()] == pytest.approx(coordinate.range)
@@ -236,21 +236,21 @@ def test_a_hinge_is_exported_with_the_range_of_the_run(tmp_path):
 def test_a_mirrored_scene_is_not_exported(ran, tmp_path):
     mirrored = scene_with(ran[0].parent, tmp_path, motion={"grid": {"upper": [-10, 30, 10]}}, mirror="x")
     with pytest.raises(SceneError, match="mirrored scenes are not exported"):
-        write_opensim(mirrored, tmp_path / "strap.osim")
+        export(mirrored, tmp_path / "strap.osim")
 
 
-def export(*words):
+def export_by_command(*words):
     call = CliRunner().invoke(app, ["export", *map(str, words)])
     return call.exit_code, " ".join(call.output.split())
 
 
 def test_the_command_line_prints_errors_and_properties(results, tmp_path):
-    code, words = export(results, tmp_path / "strap.osim", "--groups", "2")
+    code, words = export_by_command(results, tmp_path / "strap.osim", "--groups", "2")
     assert code == 0, words
     printed = "strap_1: ", "fibres as a polynomial of", "errors in mm: length", "tendon_slack_length"
     for part in (*printed, "2 of 2 muscles evaluated."):
         assert part in words
-    code, words = export(results, tmp_path / "a.osim", "--geometry-only")
+    code, words = export_by_command(results, tmp_path / "a.osim", "--geometry-only")
     assert code == 0, words
     muscle = read_osim(tmp_path / "a.osim").muscle("strap")
     assert (muscle.kind, muscle.parameters) == ("PathActuator", {})
@@ -260,7 +260,7 @@ def test_the_command_line_prints_errors_and_properties(results, tmp_path):
     ("mass", "words"), [("middle=-3", "no mass"), ("middle", "no pair"), ("nobody=3", "no body")]
 )
 def test_an_invalid_mass_is_refused(results, tmp_path, mass, words):
-    code, said = export(results, tmp_path / "a.osim", "--mass", mass)
+    code, said = export_by_command(results, tmp_path / "a.osim", "--mass", mass)
     assert code != 0
     assert words in said
 

@@ -161,7 +161,7 @@ def test_a_muscle_of_mujoco_that_flips_over_a_cylinder_is_found(tmp_path):
     jump = check_model(tmp_path / "arm.xml").findings[0]
     assert (jump.muscle, jump.coordinate, jump.what) == ("extensor", "shoulder", "moment arm jumps")
     # The shorter side changes where the end is opposite of the start, from the radius to minus the radius.
-    assert jump.pose["shoulder"] == pytest.approx(np.arctan(0.06 / 0.15), abs=1e-3)
+    assert np.radians(jump.pose["shoulder"]) == pytest.approx(np.arctan(0.06 / 0.15), abs=1e-3)
     assert jump.size == pytest.approx(0.2, rel=1e-3)
 
 

@@ -81,10 +81,10 @@ def test_of_many_muscles_a_line_is_shown_and_the_numbers_on_demand(run_folder, m
         return [re.findall(r"<summary>(mean length, bone to bone [^<]*)</summary>", card) for card in cards]
 
     _, result = run_folder
-    assert summaries(page_of(result.plain())) == [[], []]
-    few = words_of(page_of(result.plain()))
+    assert summaries(page_of(result)) == [[], []]
+    few = words_of(page_of(result))
     monkeypatch.setattr("vtkmuscle.report.page.MANY", 1)
-    many = page_of(result.plain())
+    many = page_of(result)
     assert [len(found) for found in summaries(many)] == [1, 1]
     assert set(few.split()) == set(words_of(many).split()), "nothing is lost"
 
@@ -93,9 +93,9 @@ def test_errors_of_means_are_a_table_and_bands(run_folder):
     other = changed(run_folder[1])
     sizes = dict.fromkeys(("total_mm", "model_mm", "sampling_mm", "numerical_mm"), 0.125)
     other.report["muscles"]["spindle"]["errors"] = sizes | {"total_mm": None}
-    words = " ".join(words_of(page_of(other.plain())).split())
+    words = " ".join(words_of(page_of(other)).split())
     assert "numerical spindle change of length \u2013 0.12 0.12 0.12" in words
-    spindle = curves_of(other.plain(), Pack())["muscles"][0]
+    spindle = curves_of(other, Pack())["muscles"][0]
     low, high = np.array(spindle["lengths"]["held"])
     assert high - low == pytest.approx(2.0 * other._tracks["spindle"].errors()["total"], abs=0.03)
 
@@ -109,7 +109,7 @@ def test_a_muscle_that_failed_on_the_way_shows_the_frames_it_has(run_folder):
     report = copy.deepcopy(dict(result.report))
     report["muscles"]["spindle"]["frames"] = report["muscles"]["spindle"]["frames"][:2]
     other = Result(result.rest_bones(), result.motion, {**result._tracks, "spindle": track}, report)
-    words = " ".join(words_of(page_of(other.plain())).split())
+    words = " ".join(words_of(page_of(other)).split())
     assert "frames 2 of 5" in words
 
 
@@ -124,7 +124,7 @@ def test_scenes_without_surfaces_fibres_or_coordinates_have_a_page(case, two_mus
         scene = replace(scene, muscles={n: replace(m, fibres=None) for n, m in scene.muscles.items()})
     if case == "no coordinate":
         scene = replace(scene, motion=replace(scene.motion, coordinates={}))
-    page = page_of(scene.run(frames="0:4").plain())
+    page = page_of(scene.run(frames="0:4"))
     assert ('id="show-surfaces"' in page) == (case != "no deformer")
     assert ('id="lengths"' in page) == (case != "no fibres")
     assert ('id="arms"' in page) == (case == "no deformer")

@@ -46,6 +46,8 @@ def main() -> None:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, _terminate)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, shared.interrupt)
     try:
         app()
     except OSError as error:  # commands print their own errors: this one is of the printing

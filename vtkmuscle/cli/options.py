@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import signal
 import sys
 import threading
 import warnings
@@ -50,7 +49,6 @@ class CohortOptions:
 
     frames: FramesOption = None
     workers: Annotated[int | None, Option(metavar="N", min=1, help="Processes; default: all cores.")] = None
-    report: Annotated[bool, Option("--report/--no-report", help="Write report.html.")] = False
     fresh: Annotated[bool, Option("--fresh", help="Compute finished muscles again.")] = False
     overwrite: OverwriteOption = False
     quiet: QuietOption = False
@@ -105,11 +103,7 @@ _pressed = threading.Event()
 
 
 class TerminatedError(KeyboardInterrupt):
-    """A signal asked the process to end: batch system, container, closed terminal."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(number)
-        self.number = number
+    """A signal, the argument, asked the process to end: batch system, container, closed terminal."""
 
 
 class Command(TyperCommand):
@@ -129,7 +123,7 @@ def one_clear_error(out: Path | None) -> Iterator[None]:
         print_error(f"warning: {one_line(str(message))}", style="yellow")
 
     try:
-        with warnings.catch_warnings(), _interrupts_noted():
+        with warnings.catch_warnings():
             warnings.simplefilter("default", UserWarning)
             warnings.showwarning = show
             if out is not None:
@@ -147,7 +141,7 @@ def one_clear_error(out: Path | None) -> Iterator[None]:
             print_error(f"error: a fault of vtkmuscle: {_traceback_of(stop)}")
             raise typer.Exit(FAULT) from stop
         print_error(f"stopped. {_what_is_finished(out)}", style="yellow")
-        status = 128 + stop.number if isinstance(stop, TerminatedError) else INTERRUPTED
+        status = 128 + stop.args[0] if isinstance(stop, TerminatedError) else INTERRUPTED
         raise typer.Exit(status) from None
 
 
@@ -161,26 +155,10 @@ def _traceback_of(error: BaseException) -> str:
     return f"{words[:500]}; the traceback is in {file}, please report it"
 
 
-@contextmanager
-def _interrupts_noted() -> Iterator[None]:
-    """Note each Ctrl-C until the command ends, in the main thread."""
-    if (
-        threading.current_thread() is not threading.main_thread()
-        or signal.getsignal(signal.SIGINT) is not signal.default_int_handler
-    ):
-        yield
-        return
-
-    def press(*_: Any) -> None:
-        _pressed.set()
-        raise KeyboardInterrupt
-
-    _pressed.clear()
-    signal.signal(signal.SIGINT, press)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+def interrupt(*_: Any) -> None:
+    """Note a Ctrl-C, and stop."""
+    _pressed.set()
+    raise KeyboardInterrupt
 
 
 def stop_if_interrupted() -> None:

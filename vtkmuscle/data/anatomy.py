@@ -18,7 +18,7 @@ _SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
 
 @dataclass(frozen=True)
 class JointKind:
-    """A kind of joint between bones with certain words in their names; the first existing bone counts.
+    """A kind of joint between bones with certain words in their names. The first existing bone counts.
 
     ``form`` is ``"ball"``, ``"pin"`` or ``"weld"``; ``round_end``, ``"child"`` or ``"parent"``, has the round
     surface; ``axes`` (3,) are in LPS by coordinate, for a hanging right limb: a left limb reverses all axes
@@ -95,16 +95,10 @@ def _words(name: str) -> frozenset[str]:
 def published(muscle: str, quantity: str = "", coordinate: str = "") -> Published | None:
     """Return the published range of a muscle's quantity, None if unknown.
 
-    Parameters
-    ----------
-    muscle : str
-        Name in any of the usual forms: ``"semimem_r"``, ``"Semimembranosus left"``; the range of a whole
-        muscle includes its heads and parts.
-    quantity : str, optional
-        ``"moment_arm"``, ``"fibre_length"``, ``"pennation"``, ``"pcsa"``, ``"greatest_force"``,
-        ``"fibre_to_path"`` or ``"path_length"``; by default any.
-    coordinate : str, optional
-        As in the table: ``"knee_flexion"``.
+    ``muscle`` is a name in any of the usual forms: ``"semimem_r"``, ``"Semimembranosus left"``; the range of
+    a whole muscle includes its heads and parts. ``quantity`` is ``"moment_arm"``, ``"fibre_length"``,
+    ``"pennation"``, ``"pcsa"``, ``"greatest_force"``, ``"fibre_to_path"`` or ``"path_length"``, by default
+    any; ``coordinate`` is as in the table: ``"knee_flexion"``.
 
     Examples
     --------

@@ -20,6 +20,8 @@ from vtkmuscle.core.mesh.surface import edge_uses
 from vtkmuscle.core.types import Floats, Ints
 
 Data = TypeVar("Data", bound=vtkDataObject)
+#: Arrays by name.
+Arrays = Mapping[str, Any]
 
 
 def points_of(data: Any) -> Floats:
@@ -203,11 +205,7 @@ def polylines_from(lines: Polylines) -> vtkPolyData:
 
 
 def add_arrays(
-    data: Data,
-    *,
-    points: Mapping[str, NDArray[Any]] | None = None,
-    cells: Mapping[str, NDArray[Any]] | None = None,
-    fields: Mapping[str, Any] | None = None,
+    data: Data, *, points: Arrays | None = None, cells: Arrays | None = None, fields: Arrays | None = None
 ) -> Data:
     """Add copies of arrays by name. A field is an array, a number, a string or a list of strings."""
     for owner, arrays in (("Point", points), ("Cell", cells)):

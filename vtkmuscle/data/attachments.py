@@ -74,7 +74,7 @@ def is_areas(value: object) -> TypeGuard[Sequence[AttachmentArea]]:
 
 
 def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:
-    """Return the areas of a data set.
+    """Return the areas of a data set, by block.
 
     Parameters
     ----------
@@ -84,11 +84,6 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
         other than 0 marks estimated landmarks.
     where : str
         Named in errors, e.g. ``"TemplateFitter: attachments"``.
-
-    Returns
-    -------
-    list of AttachmentArea
-        In the order of the blocks.
 
     Raises
     ------
@@ -150,7 +145,7 @@ def rings_by_bone(
 
 
 def landmarks_of(data: vtkPolyData, where: str) -> tuple[NDArray[np.float64], bool]:
-    """Return an area's landmarks, and if they form a ring; ValueError if not finite, or several lines."""
+    """Return an area's landmarks, and if they form a ring. ValueError if not finite, or several lines."""
     points = arrays.points_of(data)
     if not np.isfinite(points).all():
         raise InputError(where, "some landmarks are not finite")

@@ -103,7 +103,7 @@ def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
 def fixed_muscle(
     muscle: Surface, bones: Sequence[str], fibres: Polylines | None, *, driven: bool = False, **rings: Any
 ) -> FixedMuscle:
-    """Return a muscle at rest; raise an InputError if no point is fixed and no force drives the muscle."""
+    """Return a muscle at rest. Raise an InputError if no point is fixed and no force drives the muscle."""
     lines = None if fibres is None else (fibres.points, fibres.offsets)
     fixed = FixedMuscle(muscle.points, muscle.triangles, fixed_points_of(muscle, bones), lines, **rings)
     if (fixed.fixed_to < 0).all() and not driven:

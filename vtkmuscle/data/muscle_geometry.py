@@ -27,6 +27,8 @@ from vtkmuscle.data.arrays import blocks_of, checked_surface, point_array
 from vtkmuscle.data.attachments import ROLES, SIDES, Aponeurosis, AttachmentArea, areas_of_role
 
 T = TypeVar("T")
+#: An area on a muscle's surface, or a separate surface.
+Shape = AttachmentArea | tuple[Floats, Ints]
 
 #: Number of cached surfaces: the muscles of a limb; 20 000 triangles take about 10 MB.
 REMEMBERED = 8
@@ -78,7 +80,7 @@ class MuscleGeometry:
         return self.once("on", (patch,), lambda: PatchSamples(self.points, self.triangles, patch))
 
     def once(self, what: str, given: Sequence[Any], compute: Callable[[], T]) -> T:
-        """Return a result of the surface and of what is given, computed once; arrays count by content."""
+        """Return a result of the surface and of what is given, computed once. Arrays count by content."""
         key = what, *(part.tobytes() if isinstance(part, np.ndarray) else part for part in given)
         if key not in self._known:
             self._known[key] = compute()
@@ -126,10 +128,9 @@ def surface_of(data: vtkPolyData, where: str) -> Surface:
 
 
 def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:
-    """Return a surface's properties, the same object for the same content.
+    """Return a surface's properties. The same content has the same object, whatever its modification time.
 
-    Content decides, not modification times: copies of a muscle share properties, and a change through a numpy
-    view counts. ValueError at `where` without triangles, with other faces, or for a point that is not finite.
+    ValueError at `where` without triangles, with other faces, or for a point that is not finite.
     """
     return _geometry(*checked_surface(surface, where))
 
@@ -138,7 +139,7 @@ _geometry = shared(MuscleGeometry, last=REMEMBERED)
 
 
 class Neighbours:
-    """The neighbours of a muscle over time; the muscle is at rest (n, 3), of several levels or one."""
+    """The neighbours of a muscle over time. The muscle is at rest (n, 3), of several levels or one."""
 
     def __init__(self, *rests: Floats) -> None:
         self._rests = rests
@@ -230,7 +231,7 @@ def _aponeurosis(
     aponeuroses: Sequence[Aponeurosis], side: str, geometry: MuscleGeometry, where: str
 ) -> EndSurface:
     """Return the aponeuroses of a side as one surface."""
-    shapes: list[AttachmentArea | tuple[Floats, Ints]] = []
+    shapes: list[Shape] = []
     label = f"{where}: {side}"
     for sheet in aponeuroses:
         if sheet.side == side:
@@ -248,13 +249,9 @@ def _aponeurosis(
 
 
 def _together(
-    shapes: Sequence[AttachmentArea | tuple[Floats, Ints]],
-    geometry: MuscleGeometry,
-    where: str,
-    *,
-    takes: tuple[float, float],
+    shapes: Sequence[Shape], geometry: MuscleGeometry, where: str, *, takes: tuple[float, float]
 ) -> EndSurface:
-    """Return areas and separate surfaces as one end surface; `takes` is a range on the muscle's surface."""
+    """Return areas and separate surfaces as one end surface. `takes` is a range on the muscle's surface."""
     patches: list[Ints] = []
     points, triangles, first = [geometry.points], [geometry.triangles], len(geometry.points)
     for number, shape in enumerate(shapes):

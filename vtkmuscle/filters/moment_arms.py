@@ -75,11 +75,10 @@ class MomentArms(Filter):
     --------
     >>> from vtkmuscle.filters import MomentArms
     >>> from vtkmuscle.phantoms import spindle_over_hinge
-    >>> from vtkmuscle.pipelines import decompose, pull_taut
+    >>> from vtkmuscle.pipelines import MusclePipeline
     >>> phantom = spindle_over_hinge()
-    >>> muscle, areas = phantom.muscles["spindle"], phantom.attachments["spindle"]
-    >>> rest = decompose(muscle, areas, n_fibres=8)
-    >>> taut = pull_taut(muscle, phantom.bones, phantom.motion, rest, areas)
+    >>> scene = phantom.muscles["spindle"], phantom.bones, phantom.motion, phantom.attachments["spindle"]
+    >>> taut = MusclePipeline(*scene, deformer="none", fixing={}, fibres={"n_fibres": 8}).taut_paths
     >>> MomentArms(fibres=taut, motion=phantom.motion).apply(time=20.0)["MomentArm"].shape
     (8,)
     """

@@ -21,18 +21,11 @@ from .motion_table import (
     read_motion_table as read_motion_table,
     write_motion_table as write_motion_table,
 )
-from .msf import (
-    MsfNode as MsfNode,
-    landmarks_of as landmarks_of,
-    read_msf as read_msf,
-)
+from .msf import read_msf as read_msf
 from .surfaces import (
     SURFACE_SUFFIXES as SURFACE_SUFFIXES,
-    Collection as Collection,
     Series as Series,
-    TimeSeries as TimeSeries,
     read_polydata as read_polydata,
-    read_series as read_series,
     read_surface as read_surface,
 )
 from .writing import write_polydata as write_polydata, write_text as write_text

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import get_all_start_methods, get_context
+from multiprocessing import active_children, get_all_start_methods, get_context
 from typing import Any
 
 from vtkmuscle.core.machine import processors
@@ -31,6 +32,21 @@ def start_early(workers: int | None) -> None:
 
         with interrupts_blocked():
             forkserver.ensure_running()
+
+
+@contextmanager
+def processes(
+    size: int, initializer: Callable[..., None] | None = None, arguments: tuple[Any, ...] = ()
+) -> Iterator[ProcessPoolExecutor]:
+    """Give a pool of child processes, which are ended with the context."""
+    before = active_children()
+    pool = ProcessPoolExecutor(size, child_context(), initializer, arguments)
+    try:
+        yield pool
+    finally:
+        for process in set(active_children()).difference(before):
+            process.kill()
+        pool.shutdown(cancel_futures=True)
 
 
 @contextmanager

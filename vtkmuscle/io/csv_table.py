@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import csv
-import io
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
 from vtkmuscle.core.errors import InputError, check_is_file
-from vtkmuscle.io.writing import write_text
+from vtkmuscle.io.writing import replacing
 
 
 def csv_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
@@ -52,9 +51,8 @@ def table_rows(
 
 def write_rows(path: Path, rows: Iterable[Iterable[object]]) -> None:
     """Write a table, header first, with all digits, all or nothing."""
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    write_text(path, text.getvalue())
+    with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(rows)
 
 
 def number_in(cell: object) -> float:

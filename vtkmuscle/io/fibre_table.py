@@ -96,9 +96,7 @@ def spread(values: NDArray[np.float64]) -> dict[str, float]:
 
 
 def write_fibre_table(fibres: vtkPolyData, path: str | PathLike[str]) -> Path:
-    """Write the measures of fibres as CSV, a row per fibre.
-
-    Columns are the cell arrays.
+    """Write the measures of fibres as CSV. A row per fibre and a column per cell array; return the file.
 
     Parameters
     ----------
@@ -106,11 +104,6 @@ def write_fibre_table(fibres: vtkPolyData, path: str | PathLike[str]) -> Path:
         From :class:`~vtkmuscle.filters.FibreMetrics`.
     path : path
         Replaced if existing.
-
-    Returns
-    -------
-    Path
-        The file.
 
     Raises
     ------

@@ -30,11 +30,20 @@ from vtkmuscle.core.machine import is_python, python_command
 
 
 @contextmanager
+def log_level(verbosity: Any) -> Iterator[None]:
+    """Print VTK's log from a verbosity on."""
+    before = vtkLogger.GetCurrentVerbosityCutoff()
+    vtkLogger.SetStderrVerbosity(verbosity)
+    try:
+        yield
+    finally:
+        vtkLogger.SetStderrVerbosity(before)
+
+
+@contextmanager
 def vtk_messages() -> Iterator[Callable[[], str]]:
     """Collect VTK's messages, and yield a function that returns the text."""
     window, before = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
-    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
     vtkOutputWindow.SetInstance(window)
 
     def messages() -> str:
@@ -42,10 +51,10 @@ def vtk_messages() -> Iterator[Callable[[], str]]:
         return text.decode("utf-8", "replace") if isinstance(text, bytes) else text
 
     try:
-        yield messages
+        with log_level(vtkLogger.VERBOSITY_OFF):
+            yield messages
     finally:
         vtkOutputWindow.SetInstance(before)
-        vtkLogger.SetStderrVerbosity(verbosity)
 
 
 def first_line(messages: str) -> str:

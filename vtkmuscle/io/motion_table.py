@@ -58,11 +58,6 @@ def read_motion_table(
         :class:`~vtkmuscle.core.motion.coordinates.Coordinate`. By default the time column, unless called
         ``time``, ``frame`` or similar, or counting rows. Constant columns are omitted.
 
-    Returns
-    -------
-    RigidMotion
-        Motion of the bone or bones, with coordinates.
-
     Raises
     ------
     FileNotFoundError, ValueError
@@ -93,7 +88,7 @@ def read_motion_table(
     by_bone: dict[str, list[tuple[int, dict[str, str]]]] = {}
     for line, cells in rows:
         by_bone.setdefault(cells["bone"] if bone is None else bone, []).append((line, cells))
-    times, values, transforms = np.empty(0), dict[str, list[float]](), {}
+    times, values, transforms = np.empty(0), dict[str, Floats](), {}
     for name, lines in by_bone.items():
         moments, transforms[name], numbers = _poses(path, lines, time, kinds)
         if transforms.keys() == {name}:  # the first
@@ -103,7 +98,7 @@ def read_motion_table(
             raise InputError(path, problem, "give each bone a row per time")
     changing: dict[str, Coordinate] = {}
     for name, kind in kinds.items():
-        column = Coordinate(np.array(values[name]), kind["unit"], kind["positive"])
+        column = Coordinate(values[name], kind["unit"], kind["positive"])
         first = column.values[0]
         counts_rows = first in (0.0, 1.0) and np.array_equal(column.values, first + np.arange(len(times)))
         if column.changes and not (coordinates is None and counts_rows):
@@ -114,29 +109,26 @@ def read_motion_table(
 
 def _poses(
     path: Path, rows: Sequence[tuple[int, Mapping[str, str]]], time: str | None, columns: Iterable[str]
-) -> tuple[Floats, Floats, dict[str, list[float]]]:
-    """Return times (t,), transforms (t, 4, 4), and the values of further columns, of a bone's rows."""
-    times: list[float] = []
-    transforms: list[Floats] = []
-    values: dict[str, list[float]] = {name: [] for name in columns}
-    for row, (line, cells) in enumerate(rows):
+) -> tuple[Floats, Floats, dict[str, Floats]]:
+    """Return times (t,), transforms (t, 4, 4), and the values of further columns. Of a bone's rows."""
+    where = [f"line {line} (row {row})" for row, (line, _) in enumerate(rows)]
 
-        def number(name: str) -> float:
-            return finite_number(cells[name], name, path, where)  # noqa: B023 -- used in this round
+    def column(name: str) -> Floats:
+        numbers = (
+            finite_number(cells[name], name, path, at) for at, (_, cells) in zip(where, rows, strict=True)
+        )
+        return np.array(list(numbers)) if name in rows[0][1] else np.full(len(rows), _LAST_ROW[name])
 
-        where = f"line {line} (row {row})"
-        times.append(float(row) if time is None else number(time))
-        if row and times[-1] <= times[-2]:
-            problem = f"{where}: the times ({time}) must ascend, but {times[-1]:g} comes after {times[-2]:g}"
-            raise InputError(path, problem, "sort the rows, or omit the time column to number the rows")
-        numbers = [number(name) if name in cells else _LAST_ROW[name] for name in TRANSFORM_COLUMNS]
-        transform = np.reshape(numbers, (4, 4))
-        if not are_rigid(transform):
-            raise InputError(path, f"{where}: the transform is not rigid: {_why_not_rigid(transform)}")
-        transforms.append(transform)
-        for name, column in values.items():
-            column.append(number(name))
-    return np.array(times), np.array(transforms), values
+    times = np.arange(len(rows), dtype=np.float64) if time is None else column(time)
+    for row in np.flatnonzero(np.diff(times) <= 0.0) + 1:
+        problem = f"the times ({time}) must ascend, but {times[row]:g} comes after {times[row - 1]:g}"
+        remedy = "sort the rows, or omit the time column to number the rows"
+        raise InputError(path, f"{where[row]}: {problem}", remedy)
+    transforms = np.stack([column(name) for name in TRANSFORM_COLUMNS], axis=1).reshape(-1, 4, 4)
+    for row in np.flatnonzero(~are_rigid(transforms)):
+        why = _why_not_rigid(transforms[row])
+        raise InputError(path, f"{where[row]}: the transform is not rigid: {why}")
+    return times, transforms, {name: column(name) for name in columns}
 
 
 def motion_columns(path: str | PathLike[str]) -> list[str]:

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from html import escape  # that of xml.sax would load an HTTP client
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle.core.errors import InputError, check_is_file
 from vtkmuscle.data import toml_table
-from vtkmuscle.data.arrays import joined_triangles, multiblock_from, points_of, with_points
+from vtkmuscle.data.arrays import joined_triangles, points_of, with_points
 from vtkmuscle.io.in_child import read_in_child, vtk_messages
 from vtkmuscle.io.writing import write_polydata, write_text
 from vtkmuscle.io.xml_elements import read_xml
@@ -34,18 +32,13 @@ SURFACE_SUFFIXES = tuple(FORMATS["readers"])
 
 
 def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
-    """Read points with triangles, polylines and arrays.
+    """Read points in double precision with triangles, polylines and arrays.
 
     Parameters
     ----------
     path : path
         A .vtp, .vtk (legacy), .vtu, .stl, .obj, .ply, .off, .glb or .gltf file. Volume meshes are read as
         their outer surface.
-
-    Returns
-    -------
-    vtkPolyData
-        With points in double precision.
 
     Raises
     ------
@@ -103,11 +96,10 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
         raise InputError(str(path), "the file holds no triangles", remedy)
     if data.GetNumberOfVerts() + data.GetNumberOfLines():
         surface = vtkPolyData()
-        surface.SetPoints(data.GetPoints())
-        surface.SetPolys(data.GetPolys())
-        surface.SetStrips(data.GetStrips())
-        surface.GetPointData().ShallowCopy(data.GetPointData())
-        surface.GetFieldData().ShallowCopy(data.GetFieldData())
+        surface.ShallowCopy(data)
+        surface.SetVerts(vtkCellArray())
+        surface.SetLines(vtkCellArray())
+        surface.GetCellData().Initialize()
         data = surface
     with vtk_messages():
         result, changes = joined_triangles(data)
@@ -151,15 +143,25 @@ def _check_words(data: vtkPolyData, path: Path) -> None:
         raise InputError(path, f"the header requires {needed} numbers, but the file has {count}", _DAMAGED)
 
 
-class Collection:
-    """A ParaView collection (.pvd), complete after each step; the first step replaces an existing file."""
+class Series:
+    """Data over time: a ParaView collection ``NAME.pvd`` of files ``NAME/NAME_0000.vtp``.
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    The collection is complete after each step; the first step replaces an existing file.
+    """
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self.name, self.path = name, folder / f"{name}.pvd"
         self._entries: list[str] = []
 
-    def add(self, time: float, parts: Mapping[str, Path]) -> None:
-        """Add existing files of a time step by name, in or below the folder of the .pvd."""
+    def add(self, frame: int, time: float, data: vtkPolyData) -> Path:
+        """Write and list the data of a frame; return the file."""
+        path = self.path.with_suffix("") / f"{self.name}_{frame:04d}.vtp"
+        write_polydata(path, data)
+        self.add_parts(time, {self.name: path})
+        return path
+
+    def add_parts(self, time: float, parts: Mapping[str, Path]) -> None:
+        """List existing files of a time step by name, in or below the folder of the .pvd."""
         for number, (name, file) in enumerate(parts.items()):
             relative = file.relative_to(self.path.parent).as_posix()
             names = f'part="{number}" name="{escape(name)}" file="{escape(relative)}"'
@@ -169,64 +171,7 @@ class Collection:
         write_text(self.path, f"{head}  <Collection>\n{entries}  </Collection>\n</VTKFile>\n")
 
 
-class Series:
-    """Poly data over time: ``NAME.pvd`` and ``NAME/NAME_0000.vtp``."""
-
-    def __init__(self, folder: Path, name: str) -> None:
-        self.name, self.frames = name, folder / name
-        self.collection = Collection(folder / f"{name}.pvd")
-
-    def add(self, frame: int, time: float, data: vtkPolyData) -> Path:
-        """Write and list the data of a frame; return the file."""
-        path = self.frames / f"{self.name}_{frame:04d}.vtp"
-        write_polydata(path, data)
-        self.collection.add(time, {self.name: path})
-        return path
-
-
-@dataclass(frozen=True)
-class TimeSeries:
-    """Frames in files, read on demand, at ascending pipeline times.
-
-    ``frame`` returns the vtkPolyData of a frame number, or a vtkMultiBlockDataSet of named parts.
-    """
-
-    times: tuple[float, ...]
-    frame: Callable[[int], Any]
-    files: tuple[Path, ...]
-
-    def at(self, time: float) -> Any:
-        """Return the frame nearest to a time."""
-        return self.frame(min(range(len(self.times)), key=lambda number: abs(self.times[number] - time)))
-
-
-def read_series(path: str | PathLike[str]) -> TimeSeries:
-    """Open a time series from a .pvd file.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If the file does not exist, is no time series, or cannot be read.
-    """
-    path = Path(path)
-    if path.suffix.lower() != ".pvd":
-        raise InputError(path, "a time series must be a .pvd file")
-    check_is_file(path)
-    steps: dict[float, dict[str, Path]] = {}
-    for entry in read_xml(path).need("Collection").children:
-        try:
-            parts = steps.setdefault(float(entry.attributes.get("timestep", "0")), {})
-            name = entry.name or entry.attributes.get("part") or str(len(parts))
-            parts[name] = path.parent / entry.attributes["file"]
-        except (KeyError, ValueError) as error:
-            raise entry.error(f"the file is no ParaView collection: {error}", "write it again") from error
-    if not steps:
-        raise InputError(path, "the collection lists no time step")
-    times = tuple(sorted(steps))
-
-    def frame(number: int) -> Any:
-        parts = {name: read_polydata(file) for name, file in steps[times[number]].items()}
-        return next(iter(parts.values())) if len(parts) == 1 else multiblock_from(parts)
-
-    files = dict.fromkeys(file for parts in steps.values() for file in parts.values())
-    return TimeSeries(times, frame, tuple(files))
+def steps_in(collection: Path) -> int:
+    """Return the number of time steps in a ParaView collection."""
+    entries = read_xml(collection).need("Collection").children
+    return len({entry.attributes.get("timestep") for entry in entries})

@@ -173,20 +173,10 @@ def _reals(file: Path) -> set[Path]:
 
 def remove_left_behind(folder: Path, *, deep: bool = False) -> None:
     """Remove the incomplete files and folders of killed processes."""
-    for left in left_behind(folder, deep=deep):
-        shutil.rmtree(left) if left.is_dir() else left.unlink(missing_ok=True)
-
-
-def left_behind(folder: Path, *, deep: bool = False) -> list[Path]:
-    """Return the incomplete files of killed processes in a folder."""
-    left = []
-    for parent, folders, files in os.walk(folder):
-        for name in (*folders, *files):
-            path, match = Path(parent, name), _PARTIAL.fullmatch(name)
-            if match and not path.is_symlink() and not _alive(int(match["process"]), path):
-                left.append(path)
-        folders[:] = [name for name in folders if deep and Path(parent, name) not in left]
-    return left
+    for path in list(folder.glob("**/.*" if deep else ".*")):
+        match = _PARTIAL.fullmatch(path.name)
+        if match and not path.is_symlink() and not _alive(int(match["process"]), path):
+            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
 
 
 def _alive(process: int, path: Path) -> bool:
@@ -239,11 +229,8 @@ def write_polydata(path: Path, data: vtkPolyData) -> None:
         cells.DeepCopy(getattr(data, f"Get{kind}")())
         if cells.ConvertTo32BitStorage():
             getattr(narrow, f"Set{kind}")(cells)
-    writer = vtkXMLPolyDataWriter(input_data=narrow, encode_appended_data=False)
-    writer.SetDataModeToAppended()
-    writer.SetHeaderTypeToUInt64()
-    writer.SetCompressorTypeToNone()
-    write_with(writer, path)
+    form = {"data_mode": vtkXMLPolyDataWriter.Appended, "encode_appended_data": False, "header_type": 64}
+    write_with(vtkXMLPolyDataWriter(input_data=narrow, compressor=None, **form), path)
 
 
 def write_with(writer: Any, path: Path) -> None:

@@ -71,8 +71,7 @@ class Element:
 
     def words(self, tag: str) -> list[str]:
         """Return the words in a child, if any."""
-        child = self.find(tag)
-        return [] if child is None else child.text.split()
+        return self.word(tag).split()
 
     def word(self, *tags: str) -> str:
         """Return the text of a child, or ""."""

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data import toml_table
 from vtkmuscle.io.xml_elements import Element, made
 
 
@@ -140,23 +141,16 @@ def _checked(what: str, numbers: ArrayLike) -> Floats:
 CoordinateFunction = Polynomial | Knots | Wave
 #: The coordinate itself.
 IDENTITY = Polynomial(np.array([1.0, 0.0]))
-_SINE = ("amplitude", "omega", "phase", "offset")
-#: Elements in the functions of OpenSim's files that are understood.
-_PARTS: dict[str, tuple[str, ...]] = {
-    "Constant": ("value",),
-    **dict.fromkeys(("LinearFunction", "PolynomialFunction"), ("coefficients",)),
-    **dict.fromkeys(("SimmSpline", "NaturalCubicSpline", "natCubicSpline"), ("x", "y")),
-    "PiecewiseLinearFunction": ("x", "y"),
-    "Sine": _SINE,
-}
-FUNCTIONS = (*_PARTS, "MultiplierFunction")
+#: Names in OpenSim's files that are understood.
+OSIM = toml_table("vtkmuscle.joints", "osim.toml")
+_PARTS: dict[str, list[str]] = OSIM["functions"]
 
 
 def function_of(element: Element, *, missing: CoordinateFunction | None = None) -> CoordinateFunction:
     """Return the function in the child ``function``, or in the element itself."""
     holder = element.find("function")
     if holder is None:
-        holder = replace(element, children=[child for child in element.children if child.tag in FUNCTIONS])
+        holder = replace(element, children=[child for child in element.children if child.tag in _PARTS])
     return missing if missing is not None and not holder.children else function_in(holder)
 
 
@@ -166,8 +160,8 @@ def function_in(holder: Element) -> CoordinateFunction:
     if len(children) != 1:
         raise holder.error(f"must hold one function, but holds {len(children)} elements")
     (element,) = children
-    if element.tag not in FUNCTIONS:
-        raise element.error("unsupported function", f"understood: {', '.join(FUNCTIONS)}")
+    if element.tag not in _PARTS:
+        raise element.error("unsupported function", f"understood: {', '.join(_PARTS)}")
     try:
         return _function(element)
     except ValueError as error:
@@ -175,16 +169,16 @@ def function_in(holder: Element) -> CoordinateFunction:
 
 
 def _function(element: Element) -> CoordinateFunction:
-    if element.tag == "MultiplierFunction":
-        element.only(("function", "scale", *FUNCTIONS))
-        return function_of(element).rescaled(1.0, element.number("scale", 1.0))
     parts = _PARTS[element.tag]
+    if element.tag == "MultiplierFunction":
+        element.only((*parts, *_PARTS))
+        return function_of(element).rescaled(1.0, element.number("scale", 1.0))
     element.only(parts)
     if element.tag == "Constant":
         return Polynomial(np.array([element.number("value", 0.0)]))
     if element.tag == "Sine":
-        return Wave(*map(element.number, _SINE, (1.0, 1.0, 0.0, 0.0)))
-    if parts == ("coefficients",):
+        return Wave(*map(element.number, parts, (1.0, 1.0, 0.0, 0.0)))
+    if parts == ["coefficients"]:
         count = 2 if element.tag == "LinearFunction" else None
         return Polynomial(element.need("coefficients").numbers(count))
     kind = PiecewiseLinear if element.tag == "PiecewiseLinearFunction" else CubicSpline
@@ -200,7 +194,9 @@ def function_element(function: CoordinateFunction, **attributes: str) -> Element
             kind = "LinearFunction" if len(coefficients) == 2 else "PolynomialFunction"
             return made(kind, made("coefficients", coefficients), **attributes)
         case Wave():
-            return made("Sine", *(made(name, getattr(function, name)) for name in _SINE), **attributes)
+            return made(
+                "Sine", *(made(name, getattr(function, name)) for name in _PARTS["Sine"]), **attributes
+            )
         case Knots(x, y):
             kind = "SimmSpline" if isinstance(function, CubicSpline) else "PiecewiseLinearFunction"
             return made(kind, made("x", x), made("y", y), **attributes)

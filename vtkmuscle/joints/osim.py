@@ -18,34 +18,16 @@ from vtkmuscle.core.words import quoted
 from vtkmuscle.io.csv_table import finite_number
 from vtkmuscle.io.motion_table import MOST_FRAMES
 from vtkmuscle.io.xml_elements import Element, decoded, last_part, of_kind, read_xml
-from vtkmuscle.joints.functions import FUNCTIONS, IDENTITY, Polynomial, function_in, function_of
+from vtkmuscle.joints.functions import IDENTITY, OSIM, Polynomial, function_in, function_of
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
-#: Axes of each joint type in the joint frame: letters of its rotations, then of its translations.
-_PLAIN = (
-    {"WeldJoint": ("", ""), "PinJoint": ("z", ""), "SliderJoint": ("", "x"), "UniversalJoint": ("xy", "")}
-    | dict.fromkeys(("BallJoint", "GimbalJoint"), ("xyz", ""))
-    | {"PlanarJoint": ("z", "xy"), "FreeJoint": ("xyz", "xyz")}
-)
 _AXES = dict(zip("xyz", np.eye(3), strict=True))
-JOINTS = ("CustomJoint", *_PLAIN)
+_JOINTS, _ELEMENTS = OSIM["joints"], OSIM["elements"]
 ENDS = ("parent", "child")
 #: Names of a CustomJoint's axes, in the order of the transform.
 AXES = tuple(kind + number for kind in ("rotation", "translation") for number in "123")
-_JOINT_KEYS = (
-    *("socket_parent_frame", "socket_child_frame", "socket_parent_offset_frame", "socket_child_offset_frame"),
-    *("coordinates", "CoordinateSet", "frames", "SpatialTransform", "reverse", "components"),
-    *("parent_body", "location_in_parent", "orientation_in_parent", "location", "orientation"),
-)
-#: Parts of a model that affect neither body poses nor paths; only their contents are listed.
-NOT_USED = ("ControllerSet", "ContactGeometrySet", "ProbeSet")
-#: Holders of further components: only offset frames count.
-FURTHER = ("ComponentSet", "components")
-_MODEL_KEYS = (
-    *("credits", "publications", "length_units", "force_units", "gravity", "assembly_accuracy", "defaults"),
-    *("Ground", "BodySet", "JointSet", "ConstraintSet", "ForceSet", "MarkerSet"),
-    *("ModelVisualPreferences", "FrameGeometry", *FURTHER, *NOT_USED),
-)
+#: Parts of a model without effect here, and holders of further components.
+NOT_USED, FURTHER = _ELEMENTS["not_used"], _ELEMENTS["further"]
 #: Accepted length units; a file may leave the unit empty.
 _METRES = ("meters", "metres", "m", "")
 GROUND = "ground"
@@ -77,7 +59,7 @@ class Frames:
                 self.add_offsets(f"{path}/{element.name}", element)
 
     def at(self, socket: Element, owner: str = "", *, depth: int = 0) -> tuple[str, Floats]:
-        """Return the body and frame (4, 4) of a socket; relative paths begin at the owner's path."""
+        """Return the body and frame (4, 4) of a socket. Relative paths begin at the owner's path."""
         text = socket.text.strip()
         path = normpath(join("/", owner, text))
         if path not in self._bodies and path not in self._offsets:
@@ -102,13 +84,10 @@ def point_on(element: Element, frames: Frames) -> tuple[str, Floats]:
 
 
 def joint_in(element: Element, frames: Frames, child: str = "") -> tuple[Joint, list[JointCoordinate]]:
-    """Return a joint and its coordinates.
-
-    Before version 4 the child body contains the joint; ``child`` is the body's name.
-    """
-    if element.tag not in JOINTS:
-        raise element.error("this kind of joint is not supported", f"supported: {', '.join(JOINTS)}")
-    element.only(_JOINT_KEYS)
+    """Return a joint and its coordinates. ``child`` is the body around the joint before version 4."""
+    if element.tag not in (supported := ("CustomJoint", *_JOINTS)):
+        raise element.error("this kind of joint is not supported", f"supported: {', '.join(supported)}")
+    element.only(_ELEMENTS["joint"])
     if element.flag("reverse"):
         raise element.error("joints with reverse = true are not supported", "exchange parent and child")
     holder = "coordinates" if element.find("coordinates") else "CoordinateSet"
@@ -116,7 +95,7 @@ def joint_in(element: Element, frames: Frames, child: str = "") -> tuple[Joint, 
     if element.tag == "CustomJoint":
         rotations, translations = _spatial_transform(element)
     else:
-        turns, slides = _PLAIN[element.tag]
+        turns, slides = _JOINTS[element.tag]
         if len(elements) != len(turns + slides):
             raise element.error(f"has {len(elements)} coordinates, but must have {len(turns + slides)}")
         letters = zip(turns + slides, elements, strict=True)
@@ -151,7 +130,7 @@ def _spatial_transform(element: Element) -> tuple[list[JointAxis], list[JointAxi
     holder = transform if transform.find("objects") is None else transform.need("objects")
     axes: dict[str, JointAxis] = {}
     for axis in of_kind("TransformAxis", holder.children):
-        axis.only(("coordinates", "axis", "function", *FUNCTIONS))
+        axis.only(("coordinates", "axis", "function", *OSIM["functions"]))
         coordinate = _only_coordinate(axis, "coordinates")
         function = function_of(axis, missing=Polynomial(np.zeros(1)))
         try:
@@ -178,8 +157,7 @@ def coupling_in(element: Element) -> Coupling | None:
         return None
     if element.tag != "CoordinateCouplerConstraint":
         raise element.error("this constraint is not supported", "use a CoordinateCouplerConstraint")
-    keys = ("isEnforced", "isDisabled", "coupled_coordinates_function", "independent_coordinate_names")
-    element.only((*keys, "dependent_coordinate_name", "scale_factor"))
+    element.only(_ELEMENTS["coupling"])
     independent = _only_coordinate(element, "independent_coordinate_names")
     if independent is None:
         raise element.error("depends on no coordinate", "name the independent coordinate")
@@ -194,7 +172,7 @@ def model_element(path: Path) -> Element:
     if document.tag != "OpenSimDocument":
         raise InputError(path, f"this is XML of {document.tag!r}, not a model of OpenSim")
     model = document.need("Model")
-    model.only(_MODEL_KEYS)
+    model.only((*_ELEMENTS["model"], *FURTHER, *NOT_USED))
     units = model.word("length_units")
     if units not in _METRES:
         raise model.need("length_units").error(f"there is no unit {units!r} here", "convert it to meters")
@@ -202,7 +180,7 @@ def model_element(path: Path) -> Element:
 
 
 def read_tree(path: Path) -> KinematicTree:
-    """Return the bodies and joints of an OpenSim model, in metres; raises as ``read_osim``."""
+    """Return the bodies and joints of an OpenSim model, in metres. Raises as ``read_osim``."""
     model = model_element(path)
     return tree_in(model, bodies_in(model)[1], [])[0]
 
@@ -227,10 +205,7 @@ def bodies_in(model: Element) -> tuple[list[tuple[str, Element]], Frames]:
 
 
 def tree_in(model: Element, frames: Frames, not_used: list[str]) -> tuple[KinematicTree, dict[str, str]]:
-    """Return the tree of a model, and the joint of each coordinate.
-
-    The list of unused parts is extended.
-    """
+    """Return the tree of a model, and the joint of each coordinate. The list of unused parts is extended."""
     joints = [joint_in(element, frames) for element in model.within("JointSet")]
     for body in model.within("BodySet"):
         joints += [joint_in(element, frames, body.name) for element in body.within("Joint")]
@@ -265,22 +240,15 @@ class MotionFile:
     table: Floats
     degrees: bool | None
 
-    def values(self, tree: KinematicTree, *, degrees: bool | None = None) -> dict[str, Floats]:
+    def values(self, tree: KinematicTree) -> dict[str, Floats]:
         """Return the values (f,) of a tree's coordinates.
 
         Angles are in radians, translations as in the file. The label of a column is the coordinate's name,
-        or its path (``/jointset/knee_r/knee_angle_r/value``); further columns are ignored. ``degrees`` tells
-        whether the file's angles are in degrees; by default the header decides.
-
-        Raises
-        ------
-        ValueError
-            If no column is a coordinate, two columns are the same coordinate, or the unit of angles is
-            unknown.
+        or its path (``/jointset/knee_r/knee_angle_r/value``); further columns are ignored. ValueError if no
+        column is a coordinate, two columns are the same coordinate, or the unit of angles is unknown.
         """
         kinds = {coordinate.name: coordinate for coordinate in tree.coordinates}
         result: dict[str, Floats] = {}
-        in_degrees = self.degrees if degrees is None else degrees
         for label, column in zip(self.labels, self.table.T, strict=True):
             parts = label.split("/")
             name = parts[-2] if len(parts) > 2 and parts[-1] == "value" else parts[-1]
@@ -288,10 +256,10 @@ class MotionFile:
                 continue
             if name in result:
                 raise InputError(self.path, f"two columns are the coordinate {name!r}", "remove one")
-            if kinds[name].is_angle and in_degrees is None:
+            if kinds[name].is_angle and self.degrees is None:
                 remedy = "add a line inDegrees=yes, or inDegrees=no"
                 raise InputError(self.path, "the header lacks the unit of angles", remedy)
-            result[name] = np.radians(column) if kinds[name].is_angle and in_degrees else column
+            result[name] = np.radians(column) if kinds[name].is_angle and self.degrees else column
         if not result:
             problem = f"no column is a coordinate; the columns are {', '.join(self.labels[:8])}"
             raise InputError(self.path, problem, f"the coordinates are {', '.join(kinds) or 'none'}")

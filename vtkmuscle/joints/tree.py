@@ -1,7 +1,4 @@
-"""Kinematic trees: bodies on joints, and body poses.
-
-The poses follow from values of the coordinates.
-"""
+"""Kinematic trees: bodies on joints, and body poses."""
 
 from __future__ import annotations
 
@@ -24,8 +21,7 @@ from vtkmuscle.joints.functions import CoordinateFunction
 class JointCoordinate:
     """A coordinate of a joint, in radians, or in mm, cm or m for a translation.
 
-    ``rest`` is the value by default, ``range`` the least and largest value, ``positive`` the direction in
-    words.
+    ``rest`` is the value by default, ``range`` least and largest, ``positive`` the direction in words.
     """
 
     name: str
@@ -218,10 +214,7 @@ class KinematicTree:
         return result
 
     def scaled(self, length: float, coordinates: Mapping[str, float] | None = None) -> KinematicTree:
-        """Return an equally moving tree in scaled units.
-
-        ``length`` is the factor of lengths; ``coordinates`` are factors of coordinates by name.
-        """
+        """Return a tree in other units, by factors of lengths and coordinates."""
         factors = {each.name: 1.0 for each in self.coordinates} | dict(coordinates or {})
 
         def scaled_axis(axis: JointAxis, result: float) -> JointAxis:
@@ -244,10 +237,7 @@ class KinematicTree:
         return KinematicTree(self.root, joints, own, couplings)
 
     def in_metres(self, metres: float) -> tuple[KinematicTree, dict[str, float]]:
-        """Return the tree in metres, and the factors for values of coordinates, 1 for angles.
-
-        ``metres`` are the metres per unit of length. Sliding coordinates are in metres.
-        """
+        """Return the tree in metres, and factors for coordinates. ``metres`` are per unit of length."""
         units = {coordinate.name: coordinate.unit for coordinate in self.coordinates}
         factors = {name: TRANSLATIONS.get(unit, 1000.0) / 1000.0 for name, unit in units.items()}
         tree = self.scaled(metres, factors)
@@ -271,10 +261,7 @@ class KinematicTree:
         return joints
 
     def freed(self, coordinates: Iterable[str | None]) -> tuple[str, ...]:
-        """Return the free coordinates behind some coordinates.
-
-        Coupled coordinates count by the independent coordinates of the couplings.
-        """
+        """Return the free coordinates behind coordinates. Couplings lead to the independent coordinate."""
         names = set(coordinates)
         for coupling in reversed(self.couplings):
             if coupling.dependent in names:

@@ -10,9 +10,9 @@ Examples
 confidence 0.90: the longest side of all surfaces is 445
 """
 
-from vtkmuscle.labels.draft import Draft, draft_of_files
+from vtkmuscle.labels.draft import Draft
 from vtkmuscle.labels.guesses import Guess
 from vtkmuscle.labels.page import draft_of_labels, from_labels, init
 from vtkmuscle.labels.reading import read_labels
 
-__all__ = ["Draft", "Guess", "draft_of_files", "draft_of_labels", "from_labels", "init", "read_labels"]
+__all__ = ["Draft", "Guess", "draft_of_labels", "from_labels", "init", "read_labels"]

@@ -18,15 +18,16 @@ from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.data.anatomy import plain_name, side_of
 from vtkmuscle.data.arrays import checked_surface, points_of, with_points
 from vtkmuscle.data.attachments import ROLES, VIA, AttachmentArea
-from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
+from vtkmuscle.filters.attachment_estimator import NEAR
 from vtkmuscle.io import read_landmarks, read_surface
 from vtkmuscle.io.csv_table import write_rows
 from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, stated_frame
 from vtkmuscle.io.writing import write_polydata, write_text
-from vtkmuscle.labels import guesses as guessing
+from vtkmuscle.labels.guesses import FACING, LEFT_OUT, Guess, guessed_joints, moving_chain, table_of
 from vtkmuscle.labels.reading import kind_of
 from vtkmuscle.scene.checks import closed_surface
 from vtkmuscle.scene.data import MILLIMETRES
+from vtkmuscle.scene.reading import areas_in_contact
 from vtkmuscle.scene.writing import inline_toml, write_areas
 
 #: Fibres of each muscle.
@@ -62,7 +63,7 @@ class Draft:
     surfaces: dict[str, str] = field(default_factory=dict)
     within: float = NEAR
     scale: float = 1.0
-    guesses: list[guessing.Guess] = field(default_factory=list)
+    guesses: list[Guess] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
     loose: dict[str, vtkPolyData] = field(default_factory=dict)
     joints: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -72,8 +73,7 @@ class Draft:
 
     def complete(self) -> None:
         """Guess joints and missing areas; leave out muscles without areas."""
-        depth = guessing.FACING * self.scale
-        self.joints, self.sweep, guesses = guessing.guessed_joints(self.bones, self.frame, depth)
+        self.joints, self.sweep, guesses = guessed_joints(self.bones, self.frame, FACING * self.scale)
         self.guesses += guesses
         if not self.sweep:
             named = f"the bones are {', '.join(self.bones) or 'none'}"
@@ -90,12 +90,16 @@ class Draft:
             problem = "; ".join(f"{muscle}: {why}" for muscle, why in self.left_out.items())
             self.lacks = f"no muscle can be made: {problem or 'there is none'}; {GIVE}"
 
+    def guess(self, what: str, value: str, confidence: float, why: str) -> None:
+        """Note a guess for a key of the scene."""
+        self.guesses.append(Guess(what, value, confidence, why))
+
     def leave_out(self, muscle: str, why: str) -> None:
         """Remove a muscle from the scene, and note the reason."""
         self.left_out[muscle] = why
         if muscle in self.muscles:
             self.loose[muscle] = self.muscles.pop(muscle)
-        self.guesses.append(guessing.Guess(f"muscles.{muscle}", guessing.LEFT_OUT, 0.0, why))
+        self.guess(f"muscles.{muscle}", LEFT_OUT, 0.0, why)
 
     def candidate_bones(self, muscle: str) -> dict[str, vtkPolyData]:
         """Return the bones on a muscle's side of the body."""
@@ -110,14 +114,10 @@ class Draft:
         if not missing:
             return
         bones = self.candidate_bones(muscle)
-        bodies = {bone: (guessing.moving_chain(bone, self.joints) or [""])[0] for bone in bones}  # "": rests
-        groups = [[bone for bone in bones if bodies[bone] == body] for body in dict.fromkeys(bodies.values())]
-        areas = estimated_areas(self.muscles[muscle], bones, within=self.within, bodies=groups, **named)
-        depth = {area.role: len(guessing.moving_chain(area.bone, self.joints)) for area in areas}
-        if not named and depth["origin"] > depth["insertion"]:
-            areas = [replace(area, role=ROLES[area.role == ROLES[0]]) for area in areas]
+        chains = {bone: moving_chain(bone, self.joints) for bone in bones}
+        areas = areas_in_contact(self.muscles[muscle], bones, chains, within=self.within, **named)
         used = [*digitised, *(area for area in areas if area.role in missing)]
-        if len({bodies[area.bone] for area in used}) < 2:
+        if len({tuple(chains[area.bone][:1]) for area in used}) < 2:
             rigid = " and ".join(sorted({area.bone for area in used}))
             raise InputError("", f"both ends are on the same moving body: {rigid}", GIVE)
         for role in missing:
@@ -125,8 +125,7 @@ class Draft:
             on = ", ".join(dict.fromkeys(area.bone for area in ends))
             confidence = min(area.confidence or 0.0 for area in ends)
             why = f"{role} on {on}, in contact with the muscle's end"
-            key = f"muscles.{muscle}.attachments"
-            self.guesses.append(guessing.Guess(key, f"{role}: {on}", confidence, why))
+            self.guess(f"muscles.{muscle}.attachments", f"{role}: {on}", confidence, why)
         self.areas[muscle] = used
 
     def write(self, out: Path) -> Path:
@@ -169,7 +168,7 @@ class Draft:
         for name, muscle in self.loose.items():
             written(f"muscles/{name}.vtp", muscle)
         text += ["\n", *(f"# {what}: {note[2:]}" for what, lines in notes.items() for note in lines)]
-        write_rows(out / "guesses.csv", guessing.table_of(self.guesses))
+        write_rows(out / "guesses.csv", table_of(self.guesses))
         write_rows(out / "volumes.csv", [VOLUMES, *self._volumes()])
         write_text(out / "scene.toml", "".join(text))
         return out / "scene.toml"
@@ -207,21 +206,14 @@ def likely_unit(longest: float) -> tuple[str, float]:
     return ("m", 0.9) if longest <= LONGEST_IN_METRES else ("cm", 0.3)
 
 
-def draft_of_files(
-    files: Sequence[Path],
-    out: Path,
-    *,
-    bones: Sequence[str] = (),
-    muscles: Sequence[str] = (),
-    frame: str = "LPS",
-) -> Draft:
+def draft_of_files(files: Sequence[Path], out: Path, stated: Mapping[str, str], frame: str) -> Draft:
     """Return an incomplete scene of meshes and landmarks, as of :func:`~vtkmuscle.labels.init`.
 
-    FileNotFoundError or ValueError if a file cannot be read, or its name is not recognised.
+    ``stated`` is ``"bone"`` or ``"muscle"`` by name. FileNotFoundError or ValueError if a file cannot be
+    read, or its name is not recognised.
     """
     draft = Draft(out.resolve().name or "scene", frame=frame)
     landmarks, meshes = [], {}
-    stated = dict.fromkeys(map(plain_name, bones), "bone") | dict.fromkeys(map(plain_name, muscles), "muscle")
     for file in files:
         name = plain_name(file.name.partition(".")[0])
         if _AREA.match(_roles_name(file)):
@@ -238,15 +230,14 @@ def draft_of_files(
             problem = f"the header says {header}, but the frame is {frame}"
             raise InputError(file, problem, f"use --frame {header}")
         meshes[name] = kind, read_surface(file)
-        confidence, why = 1.0 if name in stated else 0.8, f"a {kind} by its name, {file.name}"
-        draft.guesses.append(guessing.Guess(f"{kind}s.{name}", kind, confidence, why))
+        confidence = 1.0 if name in stated else 0.8
+        draft.guess(f"{kind}s.{name}", kind, confidence, f"a {kind} by its name, {file.name}")
         draft.surfaces[f"{kind}s/{name}.vtp"] = Path(relpath(file, out)).as_posix()
     if not meshes:
         raise InputError("", "there is no surface of a bone or a muscle", "give mesh files")
     longest = float(max(np.ptp(points_of(mesh), axis=0).max() for _, mesh in meshes.values()))
     draft.units, confidence = likely_unit(longest)
-    why = f"the longest side of all surfaces is {longest:.4g}"
-    draft.guesses.append(guessing.Guess("units", draft.units, confidence, why))
+    draft.guess("units", draft.units, confidence, f"the longest side of all surfaces is {longest:.4g}")
     scale = MILLIMETRES[draft.units]
     for name, (kind, mesh) in meshes.items():
         getattr(draft, f"{kind}s")[name] = with_points(mesh, scale * points_of(mesh))
@@ -258,7 +249,7 @@ def draft_of_files(
             continue
         if turned:
             why = "the surface is inside out; a run turns its triangles"
-            draft.guesses.append(guessing.Guess(f"muscles.{name}.surface", "turned", 0.9, why))
+            draft.guess(f"muscles.{name}.surface", "turned", 0.9, why)
     draft.scale = scale_of([*draft.bones.values(), *draft.muscles.values()])
     draft.within *= draft.scale
     add_landmarks(draft, landmarks, scale=scale)
@@ -301,13 +292,12 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
         if not named:
             sure = 1.0 - min(1.0, gaps[bone] / gaps[further[0]]) if further else 1.0
             why = f"{role} on {bone!r}, {gaps[bone]:.1f} mm from the landmarks in {file.name}"
-            draft.guesses.append(guessing.Guess(key, f"{role}: {bone}", sure, why))
+            draft.guess(key, f"{role}: {bone}", sure, why)
         if not closed and len(points) > 3:
             steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
             gap = float(np.linalg.norm(points[-1] - points[0]) / max(float(np.median(steps)), 1e-9))
             closed = gap <= RING_GAP or role == VIA
             why = f"{role}: the last landmark is {gap:.1f} median steps from the first"
-            confidence = min(1.0, abs(gap - RING_GAP))
             shape = "a ring" if closed else "an open curve"
-            draft.guesses.append(guessing.Guess(key, shape, confidence, why))
+            draft.guess(key, shape, min(1.0, abs(gap - RING_GAP)), why)
         draft.areas.setdefault(muscle, []).append(AttachmentArea(role, bone, points, closed, False, sure))

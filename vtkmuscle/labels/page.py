@@ -26,7 +26,7 @@ from vtkmuscle.filters.attachment_estimator import NEAR
 from vtkmuscle.filters.label_surfaces import SMOOTHING, LabelSurfaces
 from vtkmuscle.io.writing import Outputs
 from vtkmuscle.labels.draft import Draft, add_landmarks, draft_of_files, scale_of
-from vtkmuscle.labels.guesses import LEFT_OUT, LOOK, Guess, table_of
+from vtkmuscle.labels.guesses import LEFT_OUT, LOOK, table_of
 from vtkmuscle.labels.reading import kind_of, read_labels
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
@@ -80,7 +80,8 @@ def init(
     """
     folder, inputs = Path(out), [Path(file) for file in files]
     outputs = Outputs.for_file(folder / "scene.toml", inputs, overwrite=overwrite)
-    draft = draft_of_files(inputs, folder, bones=bones, muscles=muscles, frame=frame)
+    stated = dict.fromkeys(map(plain_name, bones), "bone") | dict.fromkeys(map(plain_name, muscles), "muscle")
+    draft = draft_of_files(inputs, folder, stated, frame)
     draft.complete()
     if draft.lacks:
         raise InputError(draft.name, draft.lacks)
@@ -291,19 +292,20 @@ def draft_of_labels(
 def _faults(draft: Draft, name: str, kind: str, surface: vtkPolyData) -> str:
     """Note the faults of a label; return a refusal's reason."""
     reason = field_string(surface, "Refused")
+    if reason is not None and kind == "muscles":
+        draft.leave_out(name, reason)
+    elif reason is not None:
+        draft.guess(f"{kind}.{name}", LEFT_OUT, 0.0, reason)
     if reason is not None:
-        draft.guesses.append(Guess(f"{kind}.{name}", LEFT_OUT, 0.0, reason))
-        if kind == "muscles":
-            draft.left_out[name] = reason
         return f"left out: {reason}"
     shares = (field_array(surface, key) for key in ("LeftOut", "Cut", "Pieces"))
     left_out, cut, pieces = (float(share[0]) for share in shares if share is not None)
     if left_out > MOST_LEFT_OUT:
         why = f"the largest of {pieces:.0f} pieces lacks {100 * left_out:.0f} % of the label; split sides"
-        draft.guesses.append(Guess(f"{kind}.{name}.surface", "the largest piece", 0.5 - 0.5 * left_out, why))
+        draft.guess(f"{kind}.{name}.surface", "the largest piece", 0.5 - 0.5 * left_out, why)
     if cut:
         why = f"the image's border cuts the label in {cut:.0f} voxels; the part beyond is missing"
-        draft.guesses.append(Guess(f"{kind}.{name}.surface", "closed at the border", 0.3, why))
+        draft.guess(f"{kind}.{name}.surface", "closed at the border", 0.3, why)
     return ""
 
 
@@ -328,5 +330,4 @@ def _draw_tendons(draft: Draft, muscle: str, label: Label, edge: float) -> None:
         draft.areas[muscle][number] = replace(area, landmarks=ring, closed=True, estimated=True)
         why = f"the label ends {gap:.0f} mm from the landmarks of its {area.role}: a tube of radius "
         why += f"{radius:.1f} mm is added, without fibres"
-        value = f"tendon of {length:.0f} mm"
-        draft.guesses.append(Guess(f"muscles.{muscle}.surface", value, 0.3, why))
+        draft.guess(f"muscles.{muscle}.surface", f"tendon of {length:.0f} mm", 0.3, why)

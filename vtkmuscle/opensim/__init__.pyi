@@ -1,11 +1,6 @@
 from .checking import ModelCheck as ModelCheck, check_model as check_model
-from .export_parts import ExportedMuscle as ExportedMuscle, errors_table as errors_table
-from .from_run import (
-    Export as Export,
-    export as export,
-    write_mujoco as write_mujoco,
-    write_opensim as write_opensim,
-)
+from .export_parts import ExportedMuscle as ExportedMuscle
+from .from_run import Export as Export, export as export
 from .mjcf import mjcf_of as mjcf_of
 from .model import (
     MotionFile as MotionFile,

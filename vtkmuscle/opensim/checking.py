@@ -20,7 +20,7 @@ from vtkmuscle.joints.osim import FURTHER, NOT_USED, OFFSET
 from vtkmuscle.joints.tree import JointCoordinate
 from vtkmuscle.opensim.model import OsimModel, read_osim
 from vtkmuscle.opensim.mujoco_model import MujocoModel, read_mjcf
-from vtkmuscle.opensim.muscle_paths import STEP, PointPath
+from vtkmuscle.opensim.muscle_paths import STEP, Posed
 from vtkmuscle.opensim.osim_text import model_tree
 from vtkmuscle.report.page import Section, shown_rows, svg_curve, write_sections
 from vtkmuscle.run.table import Table
@@ -56,9 +56,9 @@ class PathFault:
 
     ``what`` is a kind in :data:`KINDS`; ``size`` the jump [m], for a change of sign the smaller of the
     largest positive and negative moment arms, for a fibre the length beyond the limit; ``pose`` the muscle's
-    coordinates at the fault [rad or m], and ``shown`` in degrees for angles; ``unit`` (``"deg"`` or
-    ``"m"``) is of the coordinate as shown; ``sweeps`` the fraction of sweeps with a fault of the kind;
-    ``values``, ``arms`` (n,) the coordinate as shown and moment arms [m] in the worst sweep.
+    coordinates at the fault [degrees or m]; ``unit`` (``"deg"`` or ``"m"``) is of the coordinate; ``sweeps``
+    the fraction of sweeps with a fault of the kind; ``values``, ``arms`` (n,) the coordinate and moment arms
+    [m] in the worst sweep.
     """
 
     muscle: str
@@ -66,7 +66,6 @@ class PathFault:
     what: str
     size: float
     pose: dict[str, float]
-    shown: dict[str, float]
     unit: str
     sweeps: float
     values: Floats
@@ -75,8 +74,8 @@ class PathFault:
     @property
     def row(self) -> list[Any]:
         """Of the table of findings."""
-        words = " ".join(f"{name}={at:.5g}" for name, at in self.shown.items())
-        names, at = [self.muscle, self.coordinate, self.what], self.shown[self.coordinate]
+        words = " ".join(f"{name}={at:.5g}" for name, at in self.pose.items())
+        names, at = [self.muscle, self.coordinate, self.what], self.pose[self.coordinate]
         return [*names, 1000.0 * self.size, at, self.unit, self.sweeps, words]
 
 
@@ -127,7 +126,7 @@ class ModelCheck:
             "coordinates_without_range": list(self.not_swept),
             "not_used": list(model.not_used),
             "findings": [
-                dict(zip(COLUMNS, each.row, strict=True)) | {"pose": each.shown} for each in self.findings
+                dict(zip(COLUMNS, each.row, strict=True)) | {"pose": each.pose} for each in self.findings
             ],
         }
 
@@ -219,18 +218,16 @@ def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Ite
                 return lengths([muscle], chosen | {swept.name: at})[muscle]  # noqa: B023
 
             middles, arms = (sweep[1:] + sweep[:-1]) / 2.0, -np.diff(table) / (sweep[1] - sweep[0])
-            unit, axis = ("deg", np.degrees(middles)) if swept.is_angle else ("m", middles)
+            unit, axis = ("deg", np.degrees(middles)) if swept.name in angles else ("m", middles)
             fibres = _fibre_faults(model.paths[muscle].parameters, sweep, table)
             for what, least, sizes, sweeps, at in chain(_faults(length, sweep, table), fibres):
                 if not (real := sizes > least).any():
                     continue
                 i = int(np.where(real, sizes, 0.0).argmax())
-                pose = {name: float(fixed[name][sweeps[i]]) for name in crossed[muscle]}
-                pose[swept.name] = float(at[i])
-                shown = {name: float(np.degrees(at)) if name in angles else at for name, at in pose.items()}
+                pose = {name: fixed[name][sweeps[i]] for name in crossed[muscle]} | {swept.name: at[i]}
+                pose = {name: float(np.degrees(at) if name in angles else at) for name, at in pose.items()}
                 size, part = float(sizes[i]), len(np.unique(sweeps[real])) / SWEEPS
-                curve = unit, part, axis, arms[sweeps[i]]
-                yield PathFault(muscle, swept.name, what, size, pose, shown, *curve)
+                yield PathFault(muscle, swept.name, what, size, pose, unit, part, axis, arms[sweeps[i]])
 
 
 def _fixed_values(coordinate: JointCoordinate, random: np.random.Generator) -> Floats:
@@ -329,20 +326,12 @@ def _halved(
 
 def _own(model: OsimModel) -> Lengths:
     """Return the function that computes lengths here."""
-    tree = model.tree
-    ranges = {coordinate.name: coordinate.range for coordinate in tree.coordinates}
 
     def lengths(muscles: Sequence[str], values: Mapping[str, Floats]) -> dict[str, Floats]:
-        full = tree.completed(values)
         paths = {name: model.paths[name].path for name in muscles}
         points = [point for path in paths.values() for point in getattr(path, "points", ())]
-        poses = tree.poses(full, {point.body for point in points})
-        return {
-            name: path.lengths_at(poses, full, full, ranges)
-            if isinstance(path, PointPath)
-            else path.lengths(tree, full)
-            for name, path in paths.items()
-        }
+        at = Posed.of(model.tree, values, {point.body for point in points})
+        return {name: path.lengths_at(at) for name, path in paths.items()}
 
     return lengths
 

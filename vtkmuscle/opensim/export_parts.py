@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkPolyData
-from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
-from vtkmodules.vtkIOGeometry import vtkSTLWriter
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.motion.rigid import apply_transform, inverses
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import points_of, with_points
-from vtkmuscle.io.writing import write_with
-from vtkmuscle.joints.tree import KinematicTree
 from vtkmuscle.opensim.fitted_paths import rms
 from vtkmuscle.opensim.muscle_paths import FunctionPath
 from vtkmuscle.opensim.osim_text import MuscleOut
-from vtkmuscle.run.table import Table
 
 #: Default force per physiological cross-section [N/cm^2]: Rajagopal et al. 2016,
 #: doi:10.1109/TBME.2016.2586891.
@@ -83,32 +74,6 @@ def completed_properties(
 
 #: Folder next to a model where OpenSim looks for meshes.
 FOLDER = "Geometry"
-#: Triangles per mesh, at most; MuJoCo reads up to 200 000.
-MOST_TRIANGLES = 100_000
-
-
-def write_meshes(
-    folder: Path, meshes: Mapping[str, tuple[str, vtkPolyData]], tree: KinematicTree, frame: str, unit: float
-) -> dict[str, list[str]]:
-    """Write surfaces in ``Geometry``, in metres and in frames of bodies; return file names by body.
-
-    ``meshes`` are by file name without suffix: body, and surface in the scene. ``tree`` is in metres, at rest
-    as the scene; ``frame`` is the body whose frame at rest is the scene's; ``unit`` is the scene's [m].
-    """
-    rest = tree.poses({})
-    names: dict[str, list[str]] = {}
-    for name, (body, surface) in meshes.items():
-        placed = (inverses(rest[body]) @ rest[frame])[0]
-        mesh, count = surface, surface.GetNumberOfCells()
-        if count > MOST_TRIANGLES:
-            reduction = 1.0 - MOST_TRIANGLES / count
-            mesh = vtkQuadricDecimation(input_data=surface, target_reduction=reduction).update().output
-        moved = with_points(mesh, apply_transform(placed, unit * points_of(mesh)))
-        writer = vtkSTLWriter(input_data=moved, header="vtkmuscle, metres")
-        writer.SetFileTypeToBinary()
-        write_with(writer, folder / FOLDER / f"{name}.stl")
-        names.setdefault(body, []).append(name)
-    return names
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,22 +81,15 @@ class ExportedMuscle:
     """A group of fibres as written, with errors.
 
     ``muscle`` is the name in the scene, ``out`` the muscle as written [m], fitted to the mean of ``fibres``.
-    ``group_error`` is the RMS of the fibres' length changes against the mean [mm]; in the poses of the run,
-    ``length_errors`` (f,) are of the path's length [mm], ``arm_errors`` (f,) of moment arms by coordinate
-    [mm, 1 for a translation].
+    ``group_error`` is the RMS of the fibres' length changes against the mean [mm]; ``errors`` (f,) in the
+    poses of the run are of ``"length"`` [mm], and of moment arms by coordinate [mm, 1 for a translation].
     """
 
     muscle: str
     out: MuscleOut
     fibres: tuple[int, ...]
     group_error: float
-    length_errors: Floats
-    arm_errors: dict[str, Floats]
-
-    @property
-    def errors(self) -> dict[str, Floats]:
-        """Errors (f,) of the length and of moment arms by coordinate."""
-        return {"length": self.length_errors} | self.arm_errors
+    errors: dict[str, Floats]
 
     def __str__(self) -> str:
         path = self.out.path
@@ -142,10 +100,3 @@ class ExportedMuscle:
         sizes = [f"{of} {rms(off):.2g} (max {np.abs(off).max():.2g})" for of, off in self.errors.items()]
         listed = ", ".join([*sizes, f"group {self.group_error:.2g}"])
         return f"{len(self.fibres)} fibres as {what}; errors in mm: {listed}"
-
-
-def errors_table(muscles: Sequence[ExportedMuscle]) -> Table:
-    """Return path errors, a row per muscle and length or coordinate."""
-    errors = [(muscle.out.name, *item) for muscle in muscles for item in muscle.errors.items()]
-    rows = ((*of, rms(off), float(np.abs(off).max()), float(off.mean())) for *of, off in errors)
-    return Table(("muscle", "of", "rms_mm", "largest_mm", "mean_mm"), rows)

@@ -13,16 +13,8 @@ from scipy.optimize import least_squares
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.joints.tree import KinematicTree
-from vtkmuscle.opensim.muscle_paths import (
-    STEP,
-    Columns,
-    Cylinder,
-    FunctionPath,
-    PathPoint,
-    PointPath,
-    powers,
-    terms,
-)
+from vtkmuscle.opensim import muscle_paths as paths
+from vtkmuscle.opensim.muscle_paths import Columns, Cylinder, PathPoint, PointPath, powers
 
 #: Largest number of held-out parts of each coordinate's values: the inner parts choose the polynomial's order
 #: by the errors of a fit to the remaining poses, so that the order holds between the levels of a grid.
@@ -33,21 +25,13 @@ WORTH = 0.05
 FILLED = 0.7
 
 
-def fit_length(lengths: Floats, values: Columns, arms: Columns | None = None) -> FunctionPath:
+def fit_length(lengths: Floats, values: Columns, arms: Columns | None = None) -> paths.FunctionPath:
     """Fit a polynomial of coordinates to lengths (f,) and moment arms -dl/dq (f,).
 
     ``values`` (f,) are the coordinates [rad, or units of length]; constant coordinates are omitted. Moment
     arms are fitted by the polynomial's derivatives, weighted by half the coordinate's range: few poses of a
     grid suffice. The order is the lowest whose held-out error is within 5 % of the best. If no coordinate
     changes, or poses are too few for order 1, a ValueError is raised.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.opensim.fitted_paths import fit_length
-    >>> knee = np.linspace(0.0, 2.0, 30)
-    >>> fit_length(0.3 - 0.04 * knee + 0.01 * knee**2, {"knee": knee}).order
-    2
     """
     moving = {name: column for name, column in values.items() if np.ptp(column) > 1e-9}
     if not moving:
@@ -64,7 +48,7 @@ def fit_length(lengths: Floats, values: Columns, arms: Columns | None = None) ->
     levels = min((1 + (i in slopes)) * count for i, count in enumerate(counts))
 
     def rows_of(order: int) -> Floats:
-        return np.vstack([terms(scaled, order), *(_slopes(scaled, order, i) for i in slopes)])
+        return np.vstack([paths.terms(scaled, order), *(_slopes(scaled, order, i) for i in slopes)])
 
     errors: dict[int, float] = {}
     for order in range(1, 7):
@@ -79,7 +63,7 @@ def fit_length(lengths: Floats, values: Columns, arms: Columns | None = None) ->
     bound = (1.0 + WORTH) * min(errors.values()) + 1e-12 * float(np.abs(lengths).max())
     order = next(order for order, error in errors.items() if error <= bound)
     coefficients = _solved(rows_of(order), targets)
-    return FunctionPath(tuple(moving), order, _unscaled(coefficients, middle, half, order))
+    return paths.FunctionPath(tuple(moving), order, _unscaled(coefficients, middle, half, order))
 
 
 def _held_back(samples: Floats) -> list[Bools]:
@@ -194,15 +178,14 @@ class _Search:
         halves = {name: np.ptp(full[name]) / 2.0 for name in arms}
         self.halves = np.array([halves[name] for name in arms])
         self.targets = np.concatenate([lengths, *(halves[name] * arm for name, arm in arms.items())])
-        moves = [{}, *({name: sign * STEP} for name in arms for sign in (-1.0, 1.0))]
+        moves = [{}, *({name: sign * paths.STEP} for name in arms for sign in (-1.0, 1.0))]
         moved = {q: np.concatenate([full[q] + move.get(q, 0.0) for move in moves]) for q in tree.free}
-        self.full = tree.completed(moved)
-        self.poses = tree.poses(self.full)
+        self.at = paths.Posed.of(tree, moved)
 
     def off(self, path: PointPath) -> Floats:
         """Return the errors of lengths and scaled moment arms [m]."""
-        lengths = path.lengths_at(self.poses, self.full, self.full, {}).reshape(-1, self.frames)
-        arms = (lengths[1::2] - lengths[2::2]) / (2.0 * STEP)
+        lengths = path.lengths_at(self.at).reshape(-1, self.frames)
+        arms = (lengths[1::2] - lengths[2::2]) / (2.0 * paths.STEP)
         return np.asarray(np.append(lengths[0], self.halves[:, None] * arms) - self.targets)
 
     def error(self, path: PointPath) -> float:
@@ -211,9 +194,9 @@ class _Search:
 
     def flips(self, path: PointPath) -> bool:
         """Return whether a path takes both sides of a cylinder: its moment arm jumps."""
-        points = path.positions(self.poses, self.full, {})
+        points = path.positions(self.at)
         for each in path.cylinders:
-            sides = each.segments(self.poses[each.body], *points[each.after : each.after + 2])[1]
+            sides = each.segments(self.at.bodies[each.body], *points[each.after : each.after + 2])[1]
             if sides.min() < 0.0 < sides.max():
                 return True
         return False

@@ -2,35 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from dataclasses import replace as with_changes
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
+from vtkmodules.vtkIOGeometry import vtkSTLWriter
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import group_fibres
-from vtkmuscle.core.motion.rigid import inverses
+from vtkmuscle.core.motion.rigid import apply_transform, inverses
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.io import write_text
-from vtkmuscle.io.writing import Outputs, file_digest
+from vtkmuscle.io.writing import Outputs, file_digest, write_with
 from vtkmuscle.joints.tree import KinematicTree
-from vtkmuscle.opensim.export_parts import (
-    SPECIFIC_TENSION,
-    ExportedMuscle,
-    completed_properties,
-    errors_table,
-    opensim_properties,
-    write_meshes,
-)
+from vtkmuscle.opensim import export_parts as parts
+from vtkmuscle.opensim.export_parts import ExportedMuscle
 from vtkmuscle.opensim.fitted_paths import fit_length, fit_points, rms
 from vtkmuscle.opensim.mjcf import mjcf_of
 from vtkmuscle.opensim.model import checked_model
-from vtkmuscle.opensim.muscle_paths import MusclePath, moment_arm
+from vtkmuscle.opensim.muscle_paths import FunctionPath, PointPath, moment_arm
 from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
 from vtkmuscle.run.result import Result
+from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import MILLIMETRES, SceneError, SceneFiles, parsed
 from vtkmuscle.scene.joints import SceneJoints, coordinate_values, joints_of, pin_joint_of
 from vtkmuscle.scene.validation import validated
@@ -42,6 +41,8 @@ TOLERANCE = 0.5e-3
 _FORMS = ("functions", "points")
 #: Class of a path without muscle properties in OpenSim.
 GEOMETRY_ONLY = "PathActuator"
+#: Triangles per mesh, at most; MuJoCo reads up to 200 000.
+MOST_TRIANGLES = 100_000
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class Export:
     ----------
     form : str
         ``"functions"``: lengths as polynomials of the crossed coordinates (FunctionBasedPath).
-        ``"points"``: points on bones and cylinders, the only form for MuJoCo.
+        ``"points"``: points on bones and cylinders, always for MuJoCo.
     groups : int
         Largest number of fibre groups per muscle.
     parameters : mapping of str to mapping
@@ -62,50 +63,50 @@ class Export:
     specific_tension : float
         Force per cross-section [N/cm^2], for forces from the architecture.
     kind : str
-        Muscle class in OpenSim; ``"PathActuator"`` for paths without muscle properties.
+        Muscle class in OpenSim; ``"PathActuator"`` for paths without muscle properties, and for tendons
+        without actuators.
     masses : mapping of str to float
-        Masses of bodies in a new model [kg], by default 0.
+        Masses of bodies in a new model [kg], by default 0, and 0.001 for MuJoCo.
     """
 
     form: str = "functions"
     groups: int = 1
     parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    specific_tension: float = SPECIFIC_TENSION
+    specific_tension: float = parts.SPECIFIC_TENSION
     kind: str = "Millard2012EquilibriumMuscle"
     masses: Mapping[str, float] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        if self.form not in _FORMS:
-            raise InputError("", f"there is no form {self.form!r}; allowed: {', '.join(_FORMS)}")
 
-
-def write_opensim(
+def export(
     source: str | PathLike[str],
     out: str | PathLike[str],
     *,
     result: Result | None = None,
     into: str | PathLike[str] | None = None,
     replace: Mapping[str, str] | None = None,
+    overwrite: bool = False,
     **options: Any,
 ) -> list[ExportedMuscle]:
-    """Write the muscles of a scene as an OpenSim model.
+    """Write the muscles of a scene with joints to OpenSim or MuJoCo.
 
     Next to the model are ``NAME_errors.csv`` and, for a new model, meshes of bones and muscles in
-    ``Geometry``.
+    ``Geometry``. In MuJoCo muscles are tendons with actuators.
 
     Parameters
     ----------
     source : path
-        A scene.toml with ``[joints.NAME]`` or ``[opensim]``, which is run; or a folder of results.
+        Folder of a run's results, or a scene.toml, which is run first.
     out : path
-        The .osim file.
+        An .osim file, or an .xml file for MuJoCo (MJCF).
     result : Result, optional
         Result of the scene, instead of a new run.
     into : path, optional
-        A model that gets the muscles and stays otherwise unchanged: the model of ``[opensim]``, or a
-        model of the same bodies and coordinates. By default a new model with the scene's joints.
+        A model of OpenSim that gets the muscles and stays otherwise unchanged: the model of ``[opensim]``, or
+        a model of the same bodies and coordinates. By default a new model with the scene's joints.
     replace : mapping of str to str, optional
         By muscle of the scene: the model's muscle whose name and properties are reused.
+    overwrite : bool, optional
+        Whether files from elsewhere are replaced; inputs never are.
     **options
         Attributes of :class:`~vtkmuscle.opensim.Export`.
 
@@ -116,120 +117,51 @@ def write_opensim(
 
     Raises
     ------
-    SceneError, ValueError
-        If the scene has no joints or is mirrored; if a muscle failed, has no fibres, crosses a constant
-        coordinate or leaves no tendon; or if the model is not of version 4.
+    OSError, SceneError, ValueError
+        For another ending of the file; if the scene has no joints or is mirrored; if a muscle failed, has no
+        fibres, crosses a constant coordinate or leaves no tendon; if the model is not of version 4; or for
+        joints that MuJoCo lacks, see :func:`~vtkmuscle.opensim.mjcf_of`.
     """
-    export, names, reused = Export(**options), dict(replace or {}), {}
-    if into is not None:
-        model = checked_model(Path(into))
-        reused = {name: model.muscle(replaced).parameters for name, replaced in names.items()}
-    elif names:
-        raise InputError("replace", "there is no model to replace muscles in", "give the model as into")
-    run = _run_of(Path(source), result)
-    muscles = _exported(run, export, reused, names)
-    outs = [muscle.out for muscle in muscles]
-    if into is None:
-        meshes = _meshes(run, Path(out))
-        text = osim_of(run.ranged, outs, name=run.result.name, masses=export.masses, meshes=meshes)
-    else:
-        text = enriched(Path(into), outs, replace=list(names.values()))
-    return _written(Path(out), text, muscles)
-
-
-def write_mujoco(
-    source: str | PathLike[str], out: str | PathLike[str], *, result: Result | None = None, **options: Any
-) -> list[ExportedMuscle]:
-    """Write the muscles of a scene as a MuJoCo model: tendons with actuators.
-
-    Parameters
-    ----------
-    source, result : path, Result
-        As in :func:`write_opensim`.
-    out : path
-        The .xml file (MJCF).
-    **options
-        Attributes of :class:`~vtkmuscle.opensim.Export` except ``form``. With the ``kind``
-        ``"PathActuator"``, tendons have no actuators.
-
-    Returns
-    -------
-    list of ExportedMuscle
-        The muscles as written, with errors.
-
-    Raises
-    ------
-    SceneError, ValueError
-        As :func:`write_opensim`; and for joints that MuJoCo lacks, see :func:`~vtkmuscle.opensim.mjcf_of`.
-    """
-    export = Export(form="points", **options)
-    run = _run_of(Path(source), result)
-    muscles = _exported(run, export, {}, {})
-    outs = [muscle.out for muscle in muscles]
-    lengths = {muscle.name: muscle.path.lengths(run.tree, run.values) for muscle in outs}
-    name, masses, meshes = run.result.name, export.masses, _meshes(run, Path(out))
-    text = mjcf_of(run.ranged, outs, name=name, masses=masses, meshes=meshes, lengths=lengths)
-    return _written(Path(out), text, muscles)
-
-
-def export(
-    source: str | PathLike[str],
-    out: str | PathLike[str],
-    *,
-    into: str | PathLike[str] | None = None,
-    replace: Mapping[str, str] | None = None,
-    overwrite: bool = False,
-    **options: Any,
-) -> list[ExportedMuscle]:
-    """Write the muscles of a scene with joints to OpenSim or MuJoCo.
-
-    Parameters
-    ----------
-    source : path
-        Folder of a run's results, or a scene.toml, which is run first.
-    out : path
-        An .osim file, as of :func:`write_opensim`, or an .xml file, as of :func:`write_mujoco`.
-    into, replace : path, mapping of str to str, optional
-        For OpenSim: a model to put the muscles into, and names there by muscle.
-    overwrite : bool, optional
-        Whether files from elsewhere are replaced; inputs never are.
-    **options
-        Attributes of :class:`Export`.
-
-    Returns
-    -------
-    list of ExportedMuscle
-        The muscles as written, with errors, which are also in OUT_errors.csv.
-
-    Raises
-    ------
-    OSError, ValueError
-        For another ending of the file, and as of the writers.
-    """
-    path, model = Path(out), None if into is None else Path(into)
-    is_osim = path.suffix.lower() == ".osim"
+    path, model, names = Path(out), None if into is None else Path(into), dict(replace or {})
+    is_osim, asked = path.suffix.lower() == ".osim", Export(**options)
     if not is_osim and path.suffix.lower() != ".xml":
         raise InputError(path, "unknown format of an export", "end its name in .osim or .xml")
-    if not is_osim and (into is not None or replace):
+    if not is_osim and (model is not None or names):
         raise InputError("into", "muscles are put into models of OpenSim only", "leave it out")
+    if asked.form not in _FORMS:
+        raise InputError("", f"there is no form {asked.form!r}; allowed: {', '.join(_FORMS)}")
+    if names and model is None:
+        raise InputError("replace", "there is no model to replace muscles in", "give the model as into")
     with Outputs.for_file(path, [Path(source), model], overwrite=overwrite):
-        if is_osim:
-            return write_opensim(source, path, into=model, replace=replace, **options)
-        return write_mujoco(source, path, **options)
-
-
-def _meshes(run: _Run, out: Path) -> dict[str, list[str]]:
-    """Write meshes of bones, and of muscles at rest."""
-    surfaces = {name: (run.joints.bodies[name], surface) for name, surface in run.scene.bones.items()}
-    muscles = run.scene.muscles.items()
-    surfaces |= {f"{name}_at_rest": (run.ends[name][0], muscle.surface) for name, muscle in muscles}
-    return write_meshes(out.parent, surfaces, run.tree, run.joints.frame, run.metres)
-
-
-def _written(out: Path, text: str, muscles: list[ExportedMuscle]) -> list[ExportedMuscle]:
-    write_text(out, text)
-    errors_table(muscles).to_csv(out.with_name(f"{out.stem}_errors.csv"), digits=6)
-    return muscles
+        reused: dict[str, Mapping[str, float]] = {}
+        if model is not None:
+            theirs = checked_model(model)
+            reused = {name: theirs.muscle(replaced).parameters for name, replaced in names.items()}
+        run = _run_of(Path(source), result)
+        if unknown := sorted({*reused, *asked.parameters} - {*run.scene.muscles}):
+            problem = f"the scene has no muscle {unknown[0]!r}"
+            raise InputError("", problem, f"its muscles are {', '.join(run.scene.muscles)}")
+        muscles: list[ExportedMuscle] = []
+        for name in run.result.lengths:
+            hill = parts.opensim_properties(run.scene.muscles[name].hill, run.metres)
+            fixed = {**reused.get(name, {}), **hill, **asked.parameters.get(name, {})}
+            label, points = names.get(name, name), asked.form == "points" or not is_osim
+            muscles += _exported(run, name, label, fixed, asked, points=points)
+        outs, tree, name = [muscle.out for muscle in muscles], run.ranged, run.result.name
+        if model is not None:
+            text = enriched(model, outs, replace=list(names.values()))
+        elif is_osim:
+            text = osim_of(tree, outs, name=name, masses=asked.masses, meshes=_write_meshes(run, path.parent))
+        else:
+            meshes = _write_meshes(run, path.parent)
+            lengths = {each.name: each.path.lengths(run.tree, run.values) for each in outs}
+            text = mjcf_of(tree, outs, name=name, masses=asked.masses, meshes=meshes, lengths=lengths)
+        write_text(path, text)
+        errors = [(each.out.name, *item) for each in muscles for item in each.errors.items()]
+        rows = [(*of, rms(off), float(np.abs(off).max()), float(off.mean())) for *of, off in errors]
+        table = Table(("muscle", "of", "rms_mm", "largest_mm", "mean_mm"), rows)
+        table.to_csv(path.with_name(f"{path.stem}_errors.csv"), digits=6)
+        return muscles
 
 
 class _Run(NamedTuple):
@@ -253,8 +185,8 @@ class _Run(NamedTuple):
         """The tree with the ranges of the run's poses, beyond which the paths are not fitted."""
         poses = {each: (float(column.min()), float(column.max())) for each, column in self.values.items()}
         moved = {name: span for name, span in poses.items() if name in self.tree.free and span[0] < span[1]}
-        coordinates = [replace(q, range=moved.get(q.name, q.range)) for q in self.tree.coordinates]
-        return replace(self.tree, coordinates=coordinates)
+        own = [with_changes(q, range=moved.get(q.name, q.range)) for q in self.tree.coordinates]
+        return with_changes(self.tree, coordinates=own)
 
 
 def _run_of(source: Path, result: Result | None) -> _Run:
@@ -297,47 +229,42 @@ def _run_of(source: Path, result: Result | None) -> _Run:
 
 
 def _exported(
-    run: _Run, export: Export, reused: Mapping[str, Mapping[str, float]], names: Mapping[str, str]
-) -> list[ExportedMuscle]:
-    """Return the muscles of a run as paths, with the names and properties of replaced muscles."""
-    result, muscles = run.result, run.scene.muscles
-    if unknown := sorted({*reused, *export.parameters} - {*muscles}):
-        problem = f"the scene has no muscle {unknown[0]!r}"
-        raise InputError("", problem, f"its muscles are {', '.join(muscles)}")
-    tree, values, exported = run.tree, run.values, []
+    run: _Run, name: str, label: str, fixed: Mapping[str, float], options: Export, *, points: bool
+) -> Iterator[ExportedMuscle]:
+    """Yield the groups of a muscle as paths, called by a label, with ``fixed`` properties completed."""
+    result, tree, values, lengths = run.result, run.tree, run.values, run.result.lengths[name]
+    if len(lengths) < len(result.frames):
+        raise InputError("", f"muscle {name!r} has {len(lengths)} of {len(result.frames)} frames")
     spans = {each: (column.min(), column.max()) for each, column in values.items()}
     rest = {each: np.clip([tree.coordinate(each).rest], *span) for each, span in spans.items()}
-    for name, lengths in result.lengths.items():
-        if len(lengths) < len(result.frames):
-            raise InputError("", f"muscle {name!r} has {len(lengths)} of {len(result.frames)} frames")
-        own = opensim_properties(muscles[name].hill, run.metres)
-        fixed = {**reused.get(name, {}), **own, **export.parameters.get(name, {})}
-        lines = _lines(run, name) if export.form == "points" else None
-        groups, arms = group_fibres(lengths, export.groups), result.moment_arms()[name]
-        units = {each: 1000.0 if tree.coordinate(each).is_angle else 1.0 for each in run.crossed[name]}
-        for group in range(int(groups.max()) + 1):
-            members = groups == group
-            label = names.get(name, name) + ("" if groups.max() == 0 else f"_{group + 1}")
-            changes = (lengths - lengths.mean(axis=0))[:, members].T
-            mean = lengths[:, members].mean(axis=1) / 1000.0
-            mean_arms = {at: arms[at].arms[:, members].mean(axis=1) / unit for at, unit in units.items()}
-            if lines is None:
-                path: MusclePath = fit_length(mean, {each: values[each] for each in mean_arms}, mean_arms)
-            else:
-                line, fitted = lines[:, members].mean(axis=1), (run.ends[name], mean, mean_arms)
-                path = fit_points(line, tree, values, *fitted, tolerance=TOLERANCE)
-            properties: dict[str, float] = {}
-            if export.kind != GEOMETRY_ONLY:
-                architecture = result.report["muscles"][name]["architecture"]
-                at_rest, share = float(path.lengths(tree, rest)[0]), mean.mean() / lengths.mean() * 1000.0
-                known = at_rest, float(share), export.specific_tension
-                properties = completed_properties(fixed, architecture, name, *known)
-                properties["max_isometric_force"] *= members.mean()
-            errors = {q: (moment_arm(path, tree, values, q) - arm) * units[q] for q, arm in mean_arms.items()}
-            off = rms(changes - changes.mean(axis=0)), 1000.0 * (path.lengths(tree, values) - mean), errors
-            out, fibres = MuscleOut(label, path, properties, export.kind), np.flatnonzero(members).tolist()
-            exported.append(ExportedMuscle(name, out, tuple(fibres), *off))
-    return exported
+    lines = _lines(run, name) if points else None
+    number_of, arms = group_fibres(lengths, options.groups), result.moment_arms()[name]
+    units = {each: 1000.0 if tree.coordinate(each).is_angle else 1.0 for each in run.crossed[name]}
+    for group in range(int(number_of.max()) + 1):
+        members = number_of == group
+        changes = (lengths - lengths.mean(axis=0))[:, members].T
+        mean = lengths[:, members].mean(axis=1) / 1000.0
+        mean_arms = {at: arms[at].arms[:, members].mean(axis=1) / unit for at, unit in units.items()}
+        if lines is None:
+            path: FunctionPath | PointPath = fit_length(
+                mean, {each: values[each] for each in mean_arms}, mean_arms
+            )
+        else:
+            line, fitted = lines[:, members].mean(axis=1), (run.ends[name], mean, mean_arms)
+            path = fit_points(line, tree, values, *fitted, tolerance=TOLERANCE)
+        properties: dict[str, float] = {}
+        if options.kind != GEOMETRY_ONLY:
+            architecture = result.report["muscles"][name]["architecture"]
+            at_rest, share = float(path.lengths(tree, rest)[0]), mean.mean() / lengths.mean() * 1000.0
+            of_path = at_rest, float(share), options.specific_tension
+            properties = parts.completed_properties(fixed, architecture, name, *of_path)
+            properties["max_isometric_force"] *= members.mean()
+        errors = {"length": 1000.0 * (path.lengths(tree, values) - mean)}
+        errors |= {q: (moment_arm(path, tree, values, q) - arm) * units[q] for q, arm in mean_arms.items()}
+        own = label if number_of.max() == 0 else f"{label}_{group + 1}"
+        out = MuscleOut(own, path, properties, options.kind)
+        spread = rms(changes - changes.mean(axis=0))
+        yield ExportedMuscle(name, out, tuple(np.flatnonzero(members).tolist()), spread, errors)
 
 
 def _lines(run: _Run, name: str) -> Floats:
@@ -349,3 +276,24 @@ def _lines(run: _Run, name: str) -> Floats:
     points = np.array([run.metres * run.result.paths(name, frame=each).points for each in run.result.frames])
     turns, shifts = to_root[:, None, :3, :3], to_root[:, None, None, :3, 3]
     return np.asarray(points @ turns.swapaxes(2, 3) + shifts)
+
+
+def _write_meshes(run: _Run, folder: Path) -> dict[str, list[str]]:
+    """Write bones, and muscles at rest, in frames of bodies [m]. Return file names by body."""
+    surfaces = {name: (run.joints.bodies[name], surface) for name, surface in run.scene.bones.items()}
+    muscles = run.scene.muscles.items()
+    surfaces |= {f"{name}_at_rest": (run.ends[name][0], muscle.surface) for name, muscle in muscles}
+    rest = run.tree.poses({})
+    names: dict[str, list[str]] = {}
+    for name, (body, surface) in surfaces.items():
+        placed = (inverses(rest[body]) @ rest[run.joints.frame])[0]
+        mesh, count = surface, surface.GetNumberOfCells()
+        if count > MOST_TRIANGLES:
+            reduction = 1.0 - MOST_TRIANGLES / count
+            mesh = vtkQuadricDecimation(input_data=surface, target_reduction=reduction).update().output
+        moved = with_points(mesh, apply_transform(placed, run.metres * points_of(mesh)))
+        writer = vtkSTLWriter(input_data=moved, header="vtkmuscle, metres")
+        writer.SetFileTypeToBinary()
+        write_with(writer, folder / parts.FOLDER / f"{name}.stl")
+        names.setdefault(body, []).append(name)
+    return names

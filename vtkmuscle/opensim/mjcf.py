@@ -37,7 +37,7 @@ def mjcf_of(
     meshes: Mapping[str, Sequence[str]] | None = None,
     lengths: Mapping[str, Floats] | None = None,
 ) -> str:
-    """Return a model of MuJoCo as text.
+    """Return a model as the text of an MJCF file.
 
     A rotation or translation equal to its coordinate becomes a joint of the coordinate's name. A polynomial
     up to the fourth power becomes a separate joint, e.g. ``JOINT_hinge2`` for a second rotation, coupled by
@@ -45,24 +45,13 @@ def mjcf_of(
 
     Parameters
     ----------
-    tree : KinematicTree
-        In metres.
-    muscles : sequence of MuscleOut, optional
-        With paths over fixed points and round cylinders.
-    name : str, optional
-        Name of the model.
+    tree, muscles, name, meshes
+        As of :func:`osim_of`; paths go over fixed points and round cylinders.
     masses : mapping of str to float, optional
         Masses of bodies [kg], by default 0.001 kg: MuJoCo moves no body without mass.
-    meshes : mapping of str to sequence of str, optional
-        By body: names of .stl files, without suffix, in the folder ``Geometry`` next to the model.
     lengths : mapping of str to array, optional
         Tendon lengths in the poses of a run [m], by muscle. A tendon with lengths and Hill parameters
         gets a muscle.
-
-    Returns
-    -------
-    str
-        The text of an MJCF file.
 
     Raises
     ------

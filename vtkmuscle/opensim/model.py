@@ -13,30 +13,14 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.xml_elements import Element, last_part, of_kind, read_xml
-from vtkmuscle.joints.functions import function_in
-from vtkmuscle.joints.osim import (
-    FURTHER,
-    NOT_USED,
-    OFFSET,
-    Frames,
-    MotionFile,
-    bodies_in,
-    model_element,
-    point_on,
-    read_motion_file,
-    tree_in,
-)
+from vtkmuscle.joints import osim
+from vtkmuscle.joints.functions import OSIM, function_in
+from vtkmuscle.joints.osim import MotionFile, read_motion_file
 from vtkmuscle.joints.tree import KinematicTree
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, powers
 
 __all__ = ["BodyMesh", "MotionFile", "OsimModel", "checked_model", "read_motion_file", "read_osim"]
-#: Passive forces along a path.
-LIGAMENTS = ("Ligament", "Blankevoort1991Ligament", "PathSpring")
-#: Muscle properties that are read.
-PARAMETERS = (
-    *("max_isometric_force", "optimal_fiber_length", "tendon_slack_length"),
-    *("pennation_angle_at_optimal", "max_contraction_velocity"),
-)
+_FORCES = OSIM["forces"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,19 +99,19 @@ def read_osim(path: str | PathLike[str]) -> OsimModel:
     Seth et al. 2018, *OpenSim: Simulating musculoskeletal dynamics and neuromuscular control to study human
     and animal movement*, doi:10.1371/journal.pcbi.1006223.
     """
-    model = model_element(Path(path))
+    model = osim.model_element(Path(path))
     not_used: list[str] = []
-    bodies, frames = bodies_in(model)
+    bodies, frames = osim.bodies_in(model)
     meshes = [mesh for name, body in bodies for mesh in _meshes(name, body, not_used)]
-    tree, joint_of = tree_in(model, frames, not_used)
+    tree, joint_of = osim.tree_in(model, frames, not_used)
     for name, _ in bodies:
         if name not in tree.bodies:
             raise model.error(f"the body {name!r} has no joint")
     paths = _paths(model, frames, tree, not_used)
-    parts = ((tag, part) for tag in (*NOT_USED, *FURTHER) for part in model.within(tag))
-    not_used += [f"{tag}: {part}" for tag, part in parts if part.tag != OFFSET]
+    parts = ((tag, part) for tag in (*osim.NOT_USED, *osim.FURTHER) for part in model.within(tag))
+    not_used += [f"{tag}: {part}" for tag, part in parts if part.tag != osim.OFFSET]
     markers = tuple(marker.name for marker in of_kind("Marker", model.within("MarkerSet")))
-    ligaments = {name: each for name, each in paths.items() if each.kind in LIGAMENTS}
+    ligaments = {name: each for name, each in paths.items() if each.kind in _FORCES["ligaments"]}
     muscles = {name: each for name, each in paths.items() if name not in ligaments}
     return OsimModel(model.name, tree, markers, muscles, tuple(meshes), joint_of, tuple(not_used), ligaments)
 
@@ -151,7 +135,9 @@ def _meshes(name: str, body: Element, not_used: list[str]) -> Iterator[BodyMesh]
         yield BodyMesh(name, mesh.word("geometry_file"))
 
 
-def _paths(model: Element, frames: Frames, tree: KinematicTree, not_used: list[str]) -> dict[str, OsimMuscle]:
+def _paths(
+    model: Element, frames: osim.Frames, tree: KinematicTree, not_used: list[str]
+) -> dict[str, OsimMuscle]:
     """Return the forces along a path by name."""
     coordinates = {coordinate.name for coordinate in tree.coordinates}
     muscles: dict[str, OsimMuscle] = {}
@@ -168,7 +154,7 @@ def _paths(model: Element, frames: Frames, tree: KinematicTree, not_used: list[s
     return muscles
 
 
-def _muscle(element: Element, frames: Frames) -> OsimMuscle | None:
+def _muscle(element: Element, frames: osim.Frames) -> OsimMuscle | None:
     """Return the muscle of a force element; None without a path."""
     inside = (element.find("path") or element).children
     geometry = next((child for child in inside if child.tag.endswith("Path")), None)
@@ -179,11 +165,11 @@ def _muscle(element: Element, frames: Frames) -> OsimMuscle | None:
         path = _point_path(geometry, frames)
     elif geometry.tag == "FunctionBasedPath":
         path = _function_path(geometry)
-    parameters = {name: element.number(name, 0.0) for name in PARAMETERS if element.find(name) is not None}
-    return OsimMuscle(element.name, path, parameters, element.tag)
+    there = (name for name in _FORCES["properties"] if element.find(name) is not None)
+    return OsimMuscle(element.name, path, {name: element.number(name, 0.0) for name in there}, element.tag)
 
 
-def _point_path(element: Element, frames: Frames) -> PointPath:
+def _point_path(element: Element, frames: osim.Frames) -> PointPath:
     element.only(("PathPointSet", "PathWrapSet", "Appearance", "default_color", "VisibleObject", "display"))
     points = [_point(point, frames) for point in element.need("PathPointSet").objects()]
     if len(points) < 2:
@@ -192,18 +178,15 @@ def _point_path(element: Element, frames: Frames) -> PointPath:
     return PointPath(points, [wrap.word("wrap_object") or wrap.name for wrap in wraps])
 
 
-_POINTS = ("PathPoint", "ConditionalPathPoint", "MovingPathPoint")
-
-
-def _point(element: Element, frames: Frames) -> PathPoint:
-    if element.tag not in _POINTS:
-        raise element.error("this kind of path point is not supported", f"supported: {', '.join(_POINTS)}")
+def _point(element: Element, frames: osim.Frames) -> PathPoint:
+    if element.tag not in (supported := _FORCES["points"]):
+        raise element.error("this kind of path point is not supported", f"supported: {', '.join(supported)}")
     if element.tag == "PathPoint":
-        return PathPoint(*point_on(element, frames))
+        return PathPoint(*osim.point_on(element, frames))
     if element.tag == "ConditionalPathPoint":
         low, high = element.need("range").numbers(2)
         name = last_part(element.need("coordinate", "socket_coordinate").text)
-        return PathPoint(*point_on(element, frames), only_in=(name, float(low), float(high)))
+        return PathPoint(*osim.point_on(element, frames), only_in=(name, float(low), float(high)))
     body, frame = frames.at(element.need("socket_parent_frame", "body"))
     if not np.array_equal(frame, np.eye(4)):
         raise element.error("points that move on an offset frame are not supported", "give its body")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, combinations_with_replacement
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,10 +21,28 @@ RANGE_MARGIN = 1e-5
 TINY = 1e-300
 #: Half step of the central difference for moment arms [rad, or units of length].
 STEP = 1e-4
-#: Columns (f,) or poses (f, 4, 4) by name; values of coordinates; ranges of coordinates.
+#: Columns (f,) or poses (f, 4, 4) by name; values of coordinates.
 Columns = Mapping[str, Floats]
 Values = Mapping[str, ArrayLike]
-Ranges = Mapping[str, tuple[float, float] | None]
+
+
+class Posed(NamedTuple):
+    """Bodies in poses: values (f,) of all coordinates, frames (f, 4, 4) of bodies, ranges of coordinates."""
+
+    values: Columns
+    bodies: Columns
+    ranges: Mapping[str, tuple[float, float] | None]
+
+    @classmethod
+    def of(cls, tree: KinematicTree, values: Values, on: Iterable[str] | None = None) -> Self:
+        """Return a tree's bodies ``on``, by default all, for values of coordinates."""
+        full = tree.completed(values)
+        return cls(full, tree.poses(full, on), {each.name: each.range for each in tree.coordinates})
+
+    @property
+    def frames(self) -> int:
+        """Number of poses."""
+        return len(next(iter(self.bodies.values())))
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,20 +64,21 @@ class PathPoint:
         """Whether the point moves on its body."""
         return any(function is not None for function in self.functions)
 
-    def positions(self, values: Columns, frames: int, ranges: Ranges) -> Floats:
-        """Return positions (f, 3) on the body, constant beyond a coordinate's range."""
-        result = np.tile(np.asarray(self.position, dtype=np.float64), (frames, 1))
+    def positions(self, at: Posed) -> Floats:
+        """Return positions (f, 3) in the root's frame, constant on the body beyond a coordinate's range."""
+        result = np.tile(np.asarray(self.position, dtype=np.float64), (at.frames, 1))
         for number, (function, name) in enumerate(zip(self.functions, self.coordinates, strict=True)):
             if function is not None:
-                at = np.zeros(frames) if name is None else values[name]
-                limits = ranges.get(name or "")
-                result[:, number] = function(at if limits is None else np.clip(at, *limits))
-        return result
+                values = np.zeros(at.frames) if name is None else at.values[name]
+                limits = at.ranges.get(name or "")
+                result[:, number] = function(values if limits is None else np.clip(values, *limits))
+        body = at.bodies[self.body]
+        return np.asarray(np.einsum("fij,fj->fi", body[:, :3, :3], result) + body[:, :3, 3])
 
-    def counts(self, values: Columns, frames: int) -> Bools:
+    def counts(self, values: Columns) -> Bools | bool:
         """Return the frames (f,) with the point in the path."""
         if self.only_in is None:
-            return np.ones(frames, dtype=np.bool_)
+            return True
         name, low, high = self.only_in
         return (values[name] >= low - RANGE_MARGIN) & (values[name] <= high + RANGE_MARGIN)
 
@@ -111,8 +131,20 @@ class Cylinder:
         return np.hypot(planar, along), sides
 
 
+class MusclePath:
+    """A path with a length in each pose."""
+
+    def lengths_at(self, at: Posed, switching: Columns | None = None) -> Floats:
+        """Return the lengths (f,). ``switching`` values, by default of the poses, decide on points."""
+        raise NotImplementedError
+
+    def lengths(self, tree: KinematicTree, values: Values) -> Floats:
+        """Return the lengths (f,) for values (f,) of coordinates, in the tree's unit."""
+        return self.lengths_at(Posed.of(tree, values))
+
+
 @dataclass(frozen=True, eq=False)
-class PointPath:
+class PointPath(MusclePath):
     """Straight lines from origin to insertion, over points and round cylinders.
 
     ``wraps`` are names of OpenSim's wrapping surfaces, without lengths here; of a path of an unsupported
@@ -135,49 +167,26 @@ class PointPath:
             return tree.free
         return tree.freed({*self.named, *tree.crossed([point.body for point in self.points])})
 
-    def lengths(self, tree: KinematicTree, values: Values, *, counted_at: Values | None = None) -> Floats:
-        """Return the lengths (f,) for values (f,) of coordinates, in the tree's unit.
+    def positions(self, at: Posed) -> Floats:
+        """Return the points (n, f, 3) in the root's frame."""
+        return np.array([point.positions(at) for point in self.points]).reshape(-1, at.frames, 3)
 
-        ``counted_at`` are the values for conditional points, by default ``values``. A path that winds round
-        surfaces, or an unknown coordinate, raises a ValueError.
-        """
+    def lengths_at(self, at: Posed, switching: Columns | None = None) -> Floats:
+        """Return the lengths (f,). A path that winds round surfaces raises a ValueError."""
         if self.wraps:
             problem = f"the path winds round {', '.join(self.wraps)}: wrapping is not computed here"
             raise InputError("", problem, "take the length from OpenSim, or export the muscle's fibres")
-        full = tree.completed(values)
-        switching = full if counted_at is None else tree.completed(counted_at)
-        ranges = {coordinate.name: coordinate.range for coordinate in tree.coordinates}
-        return self.lengths_at(tree.poses(full), full, switching, ranges)
-
-    def positions(self, poses: Columns, full: Columns, ranges: Ranges) -> Floats:
-        """Return the points (n, f, 3) in the root's frame, for poses of bodies (f, 4, 4)."""
-        frames = len(next(iter(poses.values())))
-        positions = [
-            np.einsum("fij,fj->fi", poses[point.body][:, :3, :3], point.positions(full, frames, ranges))
-            + poses[point.body][:, :3, 3]
-            for point in self.points
-        ]
-        return np.array(positions).reshape(-1, frames, 3)
-
-    def lengths_at(self, poses: Columns, full: Columns, switching: Columns, ranges: Ranges) -> Floats:
-        """Return the lengths (f,) for body poses (f, 4, 4).
-
-        Values (f,) in ``full`` move points; values in ``switching`` decide on conditional points.
-        """
-        frames = len(next(iter(poses.values())))
         cylinders = {cylinder.after: cylinder for cylinder in self.cylinders}
-        total = np.zeros(frames)
-        previous = np.zeros((frames, 3))
-        started = np.zeros(frames, dtype=np.bool_)
+        total, previous = np.zeros(at.frames), np.zeros((at.frames, 3))
+        started = np.zeros(at.frames, dtype=np.bool_)
         with np.errstate(over="ignore", invalid="ignore"):
-            positions = self.positions(poses, full, ranges)
-            for number, (point, position) in enumerate(zip(self.points, positions, strict=True)):
-                counted = point.counts(switching, frames)
+            for number, (point, position) in enumerate(zip(self.points, self.positions(at), strict=True)):
+                counted = np.broadcast_to(point.counts(switching or at.values), at.frames)
                 cylinder = cylinders.get(number - 1)
                 if cylinder is None:
                     segment = np.linalg.norm(position - previous, axis=1)
                 else:
-                    segment = cylinder.segments(poses[cylinder.body], previous, position)[0]
+                    segment = cylinder.segments(at.bodies[cylinder.body], previous, position)[0]
                 total += np.where(counted & started, segment, 0.0)
                 previous[counted] = position[counted]
                 started |= counted
@@ -187,7 +196,7 @@ class PointPath:
 
 
 @dataclass(frozen=True, eq=False)
-class FunctionPath:
+class FunctionPath(MusclePath):
     """A path with a polynomial of coordinates as length.
 
     ``order`` is the highest sum of powers; the coefficients (m,) are in the order of :func:`powers`.
@@ -206,14 +215,10 @@ class FunctionPath:
         """Return the coordinates that affect the length."""
         return tuple(self.names)
 
-    def lengths(self, tree: KinematicTree, values: Values, *, counted_at: Values | None = None) -> Floats:
-        """Return the lengths (f,) for values of the coordinates."""
-        full = tree.completed(values)
-        samples = np.column_stack([full[name] for name in self.names])
+    def lengths_at(self, at: Posed, switching: Columns | None = None) -> Floats:
+        """Return the lengths (f,) in poses."""
+        samples = np.column_stack([at.values[name] for name in self.names])
         return terms(samples, self.order) @ self.coefficients
-
-
-MusclePath = PointPath | FunctionPath
 
 
 def powers(dimension: int, order: int) -> Ints:
@@ -237,5 +242,5 @@ def moment_arm(path: MusclePath, tree: KinematicTree, values: Values, coordinate
     tree.coordinate(coordinate)
     full = tree.completed(values)
     near = (full | {coordinate: full[coordinate] + step} for step in (-STEP, STEP))
-    before, after = (path.lengths(tree, values, counted_at=full) for values in near)
+    before, after = (path.lengths_at(Posed.of(tree, values), full) for values in near)
     return (before - after) / (2.0 * STEP)

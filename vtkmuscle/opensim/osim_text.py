@@ -58,7 +58,7 @@ def osim_of(
     masses: Mapping[str, float] | None = None,
     meshes: Mapping[str, Sequence[str]] | None = None,
 ) -> str:
-    """Return a model of OpenSim as text.
+    """Return a model as the text of an .osim file.
 
     Parameters
     ----------
@@ -73,11 +73,6 @@ def osim_of(
         each axis. Masses affect dynamics only, not lengths, moment arms and inverse kinematics.
     meshes : mapping of str to sequence of str, optional
         By body: names of .stl files, without suffix, in the folder ``Geometry`` next to the model.
-
-    Returns
-    -------
-    str
-        The text of an .osim file.
 
     Raises
     ------
@@ -117,9 +112,7 @@ def osim_of(
 
 
 def enriched(model: Path, muscles: Sequence[MuscleOut], *, replace: Sequence[str] = ()) -> str:
-    """Return the text of a model with further muscles.
-
-    The rest of the file stays unchanged.
+    """Return the text of a model with further muscles. The rest stays unchanged.
 
     Parameters
     ----------

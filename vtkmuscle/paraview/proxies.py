@@ -16,6 +16,7 @@ from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort
 from vtkmuscle.io.motion_table import motion_columns, read_motion_table
+from vtkmuscle.io.xml_elements import made
 from vtkmuscle.scene.reading import read_motion
 from vtkmuscle.scenes import Scene
 
@@ -83,8 +84,8 @@ def properties_of(parameter: Parameter[Any], among: Iterable[Parameter[Any]] = (
     properties = _properties_of(parameter)
     for shown in properties:
         if parameter.listed is not None:
-            listed = SubElement(SubElement(shown.xml, "StringListDomain", name="list"), "RequiredProperties")
-            SubElement(listed, "Property", name=camel_case(parameter.listed), function="StringInfo")
+            source = made("Property", name=camel_case(parameter.listed), function="StringInfo")
+            shown.xml.append(made("StringListDomain", made("RequiredProperties", source), name="list"))
         if parameter.only_with:
             name, *values = parameter.only_with
             _show_only_with(shown.xml, camel_case(name), values)
@@ -96,10 +97,9 @@ def properties_of(parameter: Parameter[Any], among: Iterable[Parameter[Any]] = (
 
 
 def informations_of(kind: type[Filter]) -> dict[str, Element]:
-    """Return the read-only properties of a filter, by attribute.
+    """Return the read-only properties of a filter, by attribute. They are allowed texts and presets.
 
-    Read-only are lists of allowed texts, and values set by a preset: ``Iterations`` keeps the user's number,
-    ``IterationsInEffect`` is the effective number.
+    Beside a preset ``Iterations`` keeps the user's number, ``IterationsInEffect`` is the effective number.
     """
     declared = kind.parameter_declarations
     preset = {name for each in declared.values() for group in each.sets.values() for name in group}
@@ -113,12 +113,11 @@ def informations_of(kind: type[Filter]) -> dict[str, Element]:
 
 
 def _information(attribute: str, kind: str) -> Element:
-    name = camel_case(attribute)
-    return _named(f"{kind}VectorProperty", name, f"Get{name}", information_only="1")
+    return _named(f"{kind}VectorProperty", camel_case(attribute), "Get", information_only="1")
 
 
-def _named(tag: str, name: str, command: str, **more: str) -> Element:
-    return Element(tag, {"name": name, "label": spaced(name), "command": command} | more)
+def _named(tag: str, name: str, verb: str, **more: str) -> Element:
+    return made(tag, name=name, label=spaced(name), command=f"{verb}{name}", **more)
 
 
 def _properties_of(parameter: Parameter[Any]) -> list[Property]:
@@ -151,18 +150,17 @@ def _value(parameter: Parameter[Any], values: tuple[Any, ...]) -> Any:
 def _vector(name: str, parameter: Parameter[Any], default: Any, count: int) -> Element:
     xml = _element(name, _VECTORS[parameter.kind], default, count)
     if parameter.kind is bool:
-        SubElement(xml, "BooleanDomain", name="bool")
+        xml.append(made("BooleanDomain", name="bool"))
     elif parameter.choices:
-        choices = SubElement(xml, "StringListDomain", name="list")
-        for choice in ("",) * (parameter.default is None) + parameter.choices:
-            SubElement(choices, "String", value=choice)
+        choices = ("",) * (parameter.default is None) + parameter.choices
+        xml.append(made("StringListDomain", *(made("String", value=each) for each in choices), name="list"))
     elif parameter.kind in _RANGES:
         least = parameter.above if parameter.minimum is None else parameter.minimum
         bounds = {"min": least, "max": parameter.maximum}
         # An integer as 1e+06 would be read as 1.
         written = {end: repr(parameter.kind(bound)) for end, bound in bounds.items() if bound is not None}
-        SubElement(xml, _RANGES[parameter.kind], {"name": "range", **written})
-    _document(xml, parameter)
+        xml.append(made(_RANGES[parameter.kind], name="range", **written))
+    xml.append(_document(parameter))
     return xml
 
 
@@ -172,8 +170,8 @@ def _optional_number(name: str, parameter: Parameter[Any]) -> list[Property]:
     number = _vector(name, parameter, _first_number(parameter), 1)
     _show_only_with(number, box, ("0",))
     automatic = _element(box, "Int", True, 1)
-    SubElement(automatic, "BooleanDomain", name="bool")
-    SubElement(automatic, "Documentation").text = f"Leave {spaced(name)} to the filter (None in Python)."
+    help_text = f"Leave {spaced(name)} to the filter (None in Python)."
+    automatic.extend([made("BooleanDomain", name="bool"), made("Documentation", help_text)])
 
     def take(state: dict[str, Any], value: Any, changed: str) -> Any:
         state[changed] = value
@@ -185,11 +183,10 @@ def _optional_number(name: str, parameter: Parameter[Any]) -> list[Property]:
 
 def _show_only_with(xml: Element, other: str, values: Sequence[str], **more: str) -> None:
     """Show a property only for values of another."""
-    hints = xml.find("Hints")
-    if hints is None:
+    if (hints := xml.find("Hints")) is None:
         hints = SubElement(xml, "Hints")
     shown = {"mode": "visibility", "property": other, "values": " ".join(values), **more}
-    SubElement(hints, "PropertyWidgetDecorator", {"type": "GenericDecorator"} | shown)
+    hints.append(made("PropertyWidgetDecorator", type="GenericDecorator", **shown))
 
 
 def _first_number(parameter: Parameter[Any]) -> Any:
@@ -200,10 +197,9 @@ def _first_number(parameter: Parameter[Any]) -> Any:
 
 def _file_property(name: str, parameter: Parameter[Any], file: _File) -> Property:
     xml = _element(name, "String", "", 1)
-    SubElement(xml, "FileListDomain", name="files")
-    _document(xml, parameter, f" Given by {file.description}; empty for none.")
-    hints = SubElement(xml, "Hints")
-    SubElement(hints, "FileChooser", extensions=file.extensions, file_description=file.description)
+    words = _document(parameter, f" Given by {file.description}; empty for none.")
+    chooser = made("FileChooser", extensions=file.extensions, file_description=file.description)
+    xml.extend([made("FileListDomain", name="files"), words, made("Hints", chooser)])
     return Property(name, xml, lambda state, path: file.read(Path(path)) if path else None)
 
 
@@ -211,11 +207,11 @@ def _element(name: str, kind: str, default: Any, count: int) -> Element:
     values = default if isinstance(default, tuple) else (default,)
     texts = [str(int(value)) if isinstance(value, bool) else str(value) for value in values]
     sizes = {"number_of_elements": str(count), "default_values": " ".join(texts)}
-    return _named(f"{kind}VectorProperty", name, f"Set{name}", **sizes)
+    return _named(f"{kind}VectorProperty", name, "Set", **sizes)
 
 
-def _document(xml: Element, parameter: Parameter[Any], more: str = "") -> None:
-    SubElement(xml, "Documentation").text = f"{plain(described(parameter))}{more}"
+def _document(parameter: Parameter[Any], more: str = "") -> Element:
+    return made("Documentation", f"{plain(described(parameter))}{more}")
 
 
 #: Menu of all filters.
@@ -231,12 +227,11 @@ def proxy_parts(kind: type[Filter]) -> list[str]:
     parts += [shown.xml for parameter in declared for shown in properties_of(parameter, declared)]
     if kind.times_from is not None or kind.time_steps is not Filter.time_steps:
         # ParaView's animation gets the time steps by this property.
-        times = Element("DoubleVectorProperty", name="TimestepValues", repeatable="1", information_only="1")
-        SubElement(times, "TimeStepsInformationHelper")
-        parts.append(times)
+        flags = {"name": "TimestepValues", "repeatable": "1", "information_only": "1"}
+        parts.append(made("DoubleVectorProperty", made("TimeStepsInformationHelper"), **flags))
     if len(kind.output_ports) > 1:
         parts += [
-            Element("OutputPort", index=str(number), name=camel_case(port.name), id=f"port{number}")
+            made("OutputPort", index=str(number), name=camel_case(port.name), id=f"port{number}")
             for number, port in enumerate(kind.output_ports)
         ]
     return [tostring(part, encoding="unicode") for part in parts]
@@ -244,32 +239,30 @@ def proxy_parts(kind: type[Filter]) -> list[str]:
 
 def proxy_hints(kind: type[Filter]) -> list[str]:
     """Return XML hints of a proxy: menu and file type."""
-    hints = [Element("ShowInMenu", category=CATEGORY)]
+    hints = [made("ShowInMenu", category=CATEGORY)]
     for parameter in kind.parameter_declarations.values():
         if parameter.kind in FILES and not kind.input_ports:
             file = FILES[parameter.kind]
             words = {"extensions": file.extensions, "file_description": f"Muscle: {file.description}"}
-            hints.append(Element("ReaderFactory", words))
+            hints.append(made("ReaderFactory", **words))
     return [tostring(hint, encoding="unicode") for hint in hints]
 
 
 def _documentation(kind: type[Filter]) -> Element:
     summary, _, rest = plain(split_docstring(kind.__doc__ or "")[0]).partition("\n\n")
     text = "\n\n".join(" ".join(paragraph.split()) for paragraph in rest.split("\n\n"))
-    element = Element("Documentation", short_help=summary, long_help=summary)
-    element.text = f"{summary}\n\n{text}".strip()
-    return element
+    return made("Documentation", f"{summary}\n\n{text}".strip(), short_help=summary, long_help=summary)
 
 
 def _input(number: int, port: InputPort) -> Element:
     name = camel_case(port.name)
-    element = _named("InputProperty", name, "SetInputConnection", port_index=str(number))
-    groups = SubElement(element, "ProxyGroupDomain", name="groups")
-    SubElement(groups, "Group", name="sources")
-    SubElement(groups, "Group", name="filters")
-    types = SubElement(element, "DataTypeDomain", name="input_type")
-    SubElement(types, "DataType", value=port.type_name)
-    SubElement(element, "Documentation").text = plain(port.doc)
+    element = made(
+        "InputProperty", name=name, label=spaced(name), command="SetInputConnection", port_index=str(number)
+    )
+    groups = [made("Group", name=group) for group in ("sources", "filters")]
+    types = made("DataTypeDomain", made("DataType", value=port.type_name), name="input_type")
+    words = made("Documentation", plain(port.doc))
+    element.extend([made("ProxyGroupDomain", *groups, name="groups"), types, words])
     if port.optional:
-        SubElement(SubElement(element, "Hints"), "Optional")
+        element.append(made("Hints", made("Optional")))
     return element

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -32,6 +31,7 @@ SOCKET_RADIUS = 25.5
 #: Where the acetabulum opens to, and the centre of its rim [mm].
 OUTWARD = np.array([-0.80, -0.33, -0.50]) / np.linalg.norm([-0.80, -0.33, -0.50])
 RIM = 7.0 * OUTWARD
+Span = tuple[float, float]
 #: Tables of hip.toml [mm].
 SHAPES = toml_table("vtkmuscle.phantoms", "hip.toml")
 WING = np.array(SHAPES["wing"]["knots"], dtype=np.float64)
@@ -57,15 +57,12 @@ def pelvis(head_radius: float = HEAD_RADIUS) -> Solid:
 
 def sacrum() -> Solid:
     """Return the sacrum: wide above, bent backward, narrow below."""
-    middle = np.array([(86, 52, 92), (86, 82, 62), (86, 100, 22), (86, 98, -18), (86, 84, -40)])
-    half_widths = np.array([46, 42, 30, 16, 8.0])
-    side = np.array([(-1, 0.12, 0), (-0.5, 0, 0), (0, 0, 0), (0.5, 0, 0), (1, 0.12, 0)])
-    knots = middle[:, None, :] + half_widths[:, None, None] * side[None]
-    half_thickness = np.outer([15, 14, 10, 7, 6.5], [0.85, 1, 1, 1, 0.85])
-    ala = thick_sheet(knots, half_thickness)
-    first_body = thick_curve([(86, 66, 78), (86, 58, 98)], [21, 22]).beside((86, 56, 104), (0, -0.4, 1), 5.0)
-    spines = thick_curve([(86, 86, 92), (86, 106, 62), (86, 114, 22), (86, 106, -14)], [7, 7, 6, 5])
-    return union([ala, first_body, spines], 12.0)
+    shape = SHAPES["sacrum"]
+    rows = np.array(shape["half_widths"])[:, None, None] * np.array(shape["side"])
+    knots = np.array(shape["middle"])[:, None] + rows
+    ala = thick_sheet(knots, np.outer(shape["half_thickness"], shape["across"]))
+    first_body = thick_curve(*shape["first_body"]).beside((86, 56, 104), (0, -0.4, 1), 5.0)
+    return union([ala, first_body, thick_curve(*shape["spines"])], 12.0)
 
 
 def femur(head_radius: float = HEAD_RADIUS) -> Solid:
@@ -78,35 +75,17 @@ def upper_femur(head_radius: float = HEAD_RADIUS) -> Solid:
     return union([ball((0, 0, 0), head_radius), *_parts("femur")], 9.0)
 
 
-@dataclass(frozen=True, eq=False)
-class Sheet:
-    """The middle sheet of a muscle.
-
-    Knots are (k, 5, 3), rows from origin to insertion [mm]. ``half_thickness`` (k,) is the half thickness at
-    the middle of each row [mm].
-    """
-
-    knots: Floats
-    half_thickness: ArrayLike
-
-    def beside(self, *bones: Solid) -> Solid:
-        """Return the muscle, cut at the bones."""
-        half = np.outer(np.asarray(self.half_thickness, dtype=np.float64), np.array(ACROSS))
-        return beside_bones(thick_sheet(self.knots, half), *bones)
-
-    def outline(
-        self, along: tuple[float, float], across: tuple[float, float], count: int, *, closed: bool = True
-    ) -> Floats:
-        """Return a rounded loop, or an open curve, (count, 3) in the sheet's parameters [mm]."""
-        if closed:  # a superellipse: nearly a rectangle, with round corners
-            angles = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
-            u, v = (np.sign(wave) * np.abs(wave) ** 0.55 for wave in (np.sin(angles), np.cos(angles)))
-            rows = along[0] + (along[1] - along[0]) * (u + 1.0) / 2.0
-            columns = across[0] + (across[1] - across[0]) * (v + 1.0) / 2.0
-        else:
-            rows, columns = (np.linspace(low, high, count) for low, high in (along, across))
-        pairs = np.arange(count)
-        return spline_net(self.knots, rows, columns)[pairs, pairs]
+def _outline(sheet: Floats, along: Span, across: Span, count: int, *, closed: bool = True) -> Floats:
+    """Return a rounded loop, or an open curve, (count, 3) in the parameters of a sheet of knots [mm]."""
+    if closed:  # a superellipse: nearly a rectangle, with round corners
+        angles = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+        u, v = (np.sign(wave) * np.abs(wave) ** 0.55 for wave in (np.sin(angles), np.cos(angles)))
+        rows = along[0] + (along[1] - along[0]) * (u + 1.0) / 2.0
+        columns = across[0] + (across[1] - across[0]) * (v + 1.0) / 2.0
+    else:
+        rows, columns = (np.linspace(low, high, count) for low, high in (along, across))
+    pairs = np.arange(count)
+    return spline_net(sheet, rows, columns)[pairs, pairs]
 
 
 def beside_bones(muscle: Solid, *bones: Solid) -> Solid:
@@ -116,8 +95,8 @@ def beside_bones(muscle: Solid, *bones: Solid) -> Solid:
     return muscle
 
 
-def _sheet(shape: Mapping[str, Any], bones: Mapping[str, Solid]) -> Sheet:
-    """Return the sheet of a muscle in ``hip.toml``."""
+def _sheet(shape: Mapping[str, Any], bones: Mapping[str, Solid]) -> Floats:
+    """Return the knots (k, 5, 3) of a muscle's middle sheet, rows from origin to insertion [mm]."""
     rows = []
     for row in shape["rows"]:
         points, side = row.get("points"), (0, 0, 0)
@@ -130,7 +109,7 @@ def _sheet(shape: Mapping[str, Any], bones: Mapping[str, Solid]) -> Sheet:
             normals = bone.field(ground)[1]
             points = ground + row["lift"] * (normals / np.linalg.norm(normals, axis=1, keepdims=True))
         rows.append(points)
-    return Sheet(np.array(rows), shape["half_thickness"])
+    return np.array(rows, dtype=np.float64)
 
 
 def hip(*, angles: ArrayLike = ANGLES, head_radius: float = HEAD_RADIUS, detail: float = 1.0) -> Phantom:
@@ -181,7 +160,10 @@ def hip_parts(
     solids = {"pelvis": pelvis(head_radius), "femur": femur(head_radius)}
     shapes = SHAPES["muscles"]
     sheets = {name: _sheet(shape, solids) for name, shape in shapes.items()}
-    bellies = {name: sheet.beside(*solids.values()) for name, sheet in sheets.items()}
+    bellies = {}
+    for name, sheet in sheets.items():
+        half_thickness = np.outer(shapes[name]["half_thickness"], ACROSS)
+        bellies[name] = beside_bones(thick_sheet(sheet, half_thickness), *solids.values())
     maximus = bellies["gluteus_maximus"].without(bellies["gluteus_medius"], CUT, gap=1.0)
     bellies["gluteus_maximus"] = maximus
     sizes = ("pelvis", 4.0, 14000), ("femur", 3.5, 7000)
@@ -191,7 +173,7 @@ def hip_parts(
 
     def area(muscle: str, role: str, bone: str) -> AttachmentArea:
         outline = shapes[muscle][role]
-        landmarks = solids[bone].projected(sheets[muscle].outline(**outline))
+        landmarks = solids[bone].projected(_outline(sheets[muscle], **outline))
         return AttachmentArea(role, bone, landmarks, closed=outline.get("closed", True))
 
     ends = ("origin", "pelvis"), ("insertion", "femur")

@@ -1,8 +1,6 @@
-"""Smooth solids as implicit fields.
+"""Smooth solids as implicit fields, blended and cut.
 
-Balls, thick curves and thick sheets are blended and cut. A :class:`Solid` is a field that is negative inside,
-zero on the surface, and nowhere steeper than a distance; a solid has a gradient, and a box that holds the
-surface.
+A field is negative inside, zero on the surface, and nowhere steeper than a distance.
 """
 
 from __future__ import annotations
@@ -109,8 +107,7 @@ def rod(start: ArrayLike, end: ArrayLike, radius: float, *, rim: float = 1.0) ->
 def thick_curve(knots: ArrayLike, radii: ArrayLike, *, spacing: float = 3.0) -> Solid:
     """Return a tube about a smooth curve.
 
-    The curve goes through knots (k, 3), k >= 2, and the tube has radii (k,) at the knots [mm]. The tube is
-    the union of the balls on the curve, sampled every ``spacing`` mm.
+    The union of balls at knots (k, 3), k >= 2, and between, with radii (k,), every ``spacing`` mm.
     """
     nodes = np.column_stack([_vector(knots), _vector(radii)])
     return _thickened(nodes[:, None, :], spacing)
@@ -119,17 +116,14 @@ def thick_curve(knots: ArrayLike, radii: ArrayLike, *, spacing: float = 3.0) -> 
 def thick_sheet(knots: ArrayLike, half_thickness: ArrayLike, *, spacing: float = 3.0) -> Solid:
     """Return the solid about a smooth sheet.
 
-    The sheet goes through a net of knots (k, l, 3), k, l >= 2 [mm]. The solid is the union of the balls of
-    radius ``half_thickness`` (k, l) on the sheet, sampled every ``spacing`` mm.
+    The union of balls at a net of knots (k, l, 3), k, l >= 2, and between, of radius ``half_thickness``
+    (k, l), every ``spacing`` mm.
     """
     return _thickened(np.dstack([_vector(knots), _vector(half_thickness)]), spacing)
 
 
 def spline_net(nodes: Floats, rows: ArrayLike, columns: ArrayLike) -> Floats:
-    """Return a net (a, b, c) at parameters of rows (a,) and columns (b,), by cubic splines.
-
-    The nodes (k, l, c) lie at evenly spaced parameters from 0 to 1; few nodes have a lower degree.
-    """
+    """Return a net (a, b, c) by cubic splines. Rows (a,) and columns (b,) are from 0 to 1."""
     for axis, parameters in ((0, rows), (1, columns)):
         count = nodes.shape[axis]
         if count > 1:

@@ -41,8 +41,7 @@ def _grid(origin: Floats, shape: NDArray[np.int_], spacing: float) -> Floats:
 def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tuple[Floats, Ints]:
     """Return a stack of regular polygons about the z axis, with flat ends, facing outward.
 
-    Polygons lie at ascending heights (k,), with circumscribed circles of radii (k,) [mm]. The number of sides
-    is a multiple of 6: the ends are hexagonal patterns of even triangles.
+    Heights (k,) ascend, radii (k,) are of circumscribed circles [mm]; ``sides`` is a multiple of 6.
     """
     z, r = np.asarray(heights, dtype=np.float64), np.asarray(radii, dtype=np.float64)
     angles = 2.0 * np.pi * np.arange(sides) / sides
@@ -67,7 +66,7 @@ def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tup
 
 
 def _hexagonal_disc(rings: int) -> tuple[Floats, Ints]:
-    """Return points of a unit disc in rings of 6, 12, ..., and triangles; the border comes last."""
+    """Return points of a unit disc in rings of 6, 12, ..., and triangles. The border comes last."""
     points = [np.zeros((1, 2))]
     for ring in range(1, rings + 1):
         angles = 2.0 * np.pi * np.arange(6 * ring) / (6 * ring)

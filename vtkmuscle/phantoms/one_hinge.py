@@ -72,10 +72,7 @@ def _insertion(angle: float) -> Floats:
 
 
 def spindle_profile() -> tuple[Floats, Floats]:
-    """Return heights and radii of the spindle.
-
-    r = r_end + (r_belly - r_end) sin^2(pi s) for s in 0 ... 1 [mm].
-    """
+    """Return heights and radii of the spindle. r_end + (r_belly - r_end) sin^2(pi s), s 0 to 1 [mm]."""
     s = np.linspace(0.0, 1.0, SLICES + 1)
     radii = END_RADIUS + (BELLY_RADIUS - END_RADIUS) * np.sin(np.pi * s) ** 2
     return INSERTION[2] + s * (ORIGIN[2] - INSERTION[2]), radii

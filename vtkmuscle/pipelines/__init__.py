@@ -1,7 +1,7 @@
 """Ready-made chains of filters for a muscle.
 
-:class:`MusclePipeline` has all stages of a muscle; ``decompose``, ``deform`` and ``pull_taut`` return the
-last filter of a partial chain.
+:class:`MusclePipeline` has all stages of a muscle; ``decompose`` and ``deform`` return the last filter of a
+partial chain.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Any
 
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.words import suggestion
+from vtkmuscle.data import toml_table
 from vtkmuscle.filters.base import Filter, Parameter
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.deformer import PRESETS
@@ -35,16 +36,8 @@ _FILTERS: tuple[type[Filter], ...] = (
 FIBRE_SETTINGS: dict[str, Parameter[Any]] = {
     name: declared for kind in _FILTERS for name, declared in kind.parameter_declarations.items()
 }
-#: Settings of published fibres: planes, maps, ends and smoothing of Kohout et al. 2012 as printed, with
-#: the axis between the centroids; and slices along isolines of a harmonic function (Kohout and Kukacka 2014),
-#: also used by Kohout and Cervenka 2021. Both leave parts of the muscle empty.
-PUBLISHED_FIBRES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
-    {
-        "kohout2012": {"axis": "attachments", "angle_step": 5.0, "method": "plane", "continuity": 0.0}
-        | {"end_rule": "closest", "smoothing_weight": 4.0, "spreading": 0.0},
-        "kohout2014": {"method": "harmonic", "spreading": 0.0},
-    }
-)
+#: Settings of published fibres, by publication.
+PUBLISHED_FIBRES: Mapping[str, Mapping[str, Any]] = toml_table("vtkmuscle.pipelines", "published.toml")
 
 
 def decompose(
@@ -147,10 +140,8 @@ class MusclePipeline:
 
     Parameters
     ----------
-    surface : vtkPolyData or algorithm
-        Closed surface of triangles, in the rest pose.
-    bones : vtkMultiBlockDataSet or algorithm
-        Named blocks, in the rest pose.
+    surface, bones : vtkPolyData, vtkMultiBlockDataSet, or algorithms
+        Closed surface of triangles, and named blocks, in the rest pose.
     motion : RigidMotion
         Motion of the bones.
     attachments : vtkMultiBlockDataSet or algorithm, optional
@@ -181,16 +172,13 @@ class MusclePipeline:
     ----------
     fixed : FixedPointDetector, vtkPolyData or algorithm
         The muscle at rest with the point array ``FixedTo``: the surface itself if ``fixing`` is None.
-    rest_paths : vtkPolyData, algorithm or None
-        Lines between bones at rest.
-    fibres : vtkPolyData, algorithm or None
-        Fibres at rest: between the aponeuroses if present, else the paths.
+    rest_paths, fibres : vtkPolyData, algorithm or None
+        Lines between bones, and fibres, at rest: between the aponeuroses if present, else the paths.
     moving : BoneMotion
         The bones in motion.
-    taut_paths : TautPaths or None
-        The paths in motion; None for ``deformer="pbd"`` without ``paths``.
-    deformer : PathDeformer, PBDDeformer or None
-        The muscle in motion; None for ``deformer="none"``.
+    taut_paths, deformer : TautPaths, PathDeformer, PBDDeformer or None
+        The paths in motion, None for ``deformer="pbd"`` without ``paths``; and the muscle in motion, None for
+        ``deformer="none"``.
     metrics : FibreMetrics or None
         The fibres in motion with their measures; None without fibres. With ``deformer="none"`` the paths.
 
@@ -328,44 +316,3 @@ def deform(
     if pipeline.deformer is None:
         raise ValueError("deform: deformer is 'none', but must be 'paths' or 'pbd'")
     return pipeline.deformer
-
-
-def pull_taut(
-    muscle: Any,
-    bones: Any,
-    motion: RigidMotion,
-    fibres: Any,
-    attachments: Any = None,
-    *,
-    fixing: Mapping[str, Any] | None = MappingProxyType({}),
-    **settings: Any,
-) -> TautPaths:
-    """Return the chain that computes taut paths around moving bones.
-
-    Request the output at a time of the motion: ``pull_taut(...).update(time=30.0).output``.
-
-    Parameters
-    ----------
-    muscle, bones, motion, attachments, fixing
-        As of :func:`deform`.
-    fibres : vtkPolyData or algorithm
-        Fibres at rest, as of :func:`decompose`.
-    **settings
-        Parameters of TautPaths.
-
-    Examples
-    --------
-    >>> from vtkmuscle import phantoms
-    >>> from vtkmuscle.pipelines import decompose, pull_taut
-    >>> phantom = phantoms.spindle_over_hinge()
-    >>> muscle, attachments = phantom.muscles["spindle"], phantom.attachments["spindle"]
-    >>> fibres = decompose(muscle, attachments, n_fibres=8)
-    >>> paths = pull_taut(muscle, phantom.bones, phantom.motion, fibres, attachments)
-    >>> paths.update(time=phantom.motion.times[1]).output.GetNumberOfCells()
-    8
-    """
-    pipeline = MusclePipeline(
-        muscle, bones, motion, attachments, deformer="none", fixing=fixing, fibres=fibres, paths=settings
-    )
-    assert pipeline.taut_paths is not None
-    return pipeline.taut_paths

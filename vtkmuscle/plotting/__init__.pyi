@@ -1,15 +1,12 @@
-from .drawing import MuscleFrame as MuscleFrame, can_render as can_render
+from .drawing import can_render as can_render
 from .figures import (
     plot_lengths as plot_lengths,
     plot_moment_arms as plot_moment_arms,
-    plot_muscle as plot_muscle,
-    plot_rest_pose as plot_rest_pose,
 )
 from .plotters import (
-    MovingScene as MovingScene,
     add_time_slider as add_time_slider,
     make_plotter as make_plotter,
     show_time as show_time,
 )
 from .studio import Studio as Studio, strain_colours as strain_colours
-from .views import View as View, choose_view as choose_view, framed as framed
+from .views import MuscleFrame as MuscleFrame, View as View, choose_view as choose_view

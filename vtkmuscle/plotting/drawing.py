@@ -11,13 +11,9 @@ from dataclasses import dataclass
 from functools import cache
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from vtkmodules.vtkCommonDataModel import vtkPolyData
-
-import vtkmuscle.plotting
 from vtkmuscle.core.machine import python_command
-from vtkmuscle.core.types import Floats
 from vtkmuscle.plotting.views import DrawnBones
 
 if TYPE_CHECKING:
@@ -31,12 +27,9 @@ sys.modules["numpy"] = None  # VTK would load it, which takes longer than all el
 import vtkmodules.vtkRenderingOpenGL2
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
-renderer, window, pixel = vtkRenderer(), vtkRenderWindow(), vtkUnsignedCharArray()
-renderer.SetBackground(1, 0, 0)
-window.SetOffScreenRendering(True)
-window.SetMultiSamples(0)
-window.SetSize(8, 8)
-window.AddRenderer(renderer)
+window = vtkRenderWindow(off_screen_rendering=True, multi_samples=0, size=(8, 8))
+pixel = vtkUnsignedCharArray()
+window.AddRenderer(vtkRenderer(background=(1, 0, 0)))
 window.Render()
 window.GetPixelData(4, 4, 4, 4, 0, pixel, 0)
 if not pixel.GetNumberOfTuples() or pixel.GetTuple(0)[0] != 255:
@@ -49,15 +42,10 @@ _LOG_PREFIX = re.compile(r"^.*\b(WARN|ERR)\|\s|\x1b\[[0-9;]*m")
 
 @cache
 def can_render() -> str | None:
-    """Return None, or the reason against off-screen pictures.
+    """Return None, or the reason against off-screen pictures in words.
 
     A child process renders a tiny picture, once per process: without an OpenGL library, VTK may end the
     process instead of raising an error.
-
-    Returns
-    -------
-    str or None
-        The reason in words.
 
     Examples
     --------
@@ -81,18 +69,9 @@ def can_render() -> str | None:
     return f"{what}: no usable OpenGL (on Linux, the packages libegl1 and libgl1 provide it){last}"
 
 
-class MuscleFrame(NamedTuple):
-    """A muscle in a frame, with bones, fibres and title."""
-
-    muscle: vtkPolyData
-    transforms: Mapping[str, Floats]
-    fibres: vtkPolyData | None = None
-    label: str = ""
-
-
 @dataclass(frozen=True, eq=False)
 class FigureOrder:
-    """A figure to be drawn: file name, function of :mod:`vtkmuscle.plotting`, arguments.
+    """A figure to be drawn: file name, function of :mod:`vtkmuscle.plotting.figures`, arguments.
 
     ``rendered`` figures also take the bones and the studio.
     """
@@ -106,11 +85,12 @@ class FigureOrder:
         self, folder: Path, bones: DrawnBones, studio: Studio, form: str = "png", **options: float
     ) -> Path:
         """Draw the figure into a folder, of a ``width`` and ``dpi``; return the file."""
-        from vtkmuscle.plotting.sheets import DOTS_PER_INCH, WIDTH, save_figure  # noqa: PLC0415 -- loads matplotlib
+        from vtkmuscle.plotting import figures  # noqa: PLC0415 -- loads matplotlib
+        from vtkmuscle.plotting.sheets import DOTS_PER_INCH, WIDTH, save_figure  # noqa: PLC0415
 
         scene = {"bones": bones, "studio": studio} if self.rendered else {}
         path, width = folder / f"{self.name}.{form}", options.get("width", WIDTH)
-        figure = getattr(vtkmuscle.plotting, self.plot)(**self.arguments, **scene, width=width)
+        figure = getattr(figures, self.plot)(**self.arguments, **scene, width=width)
         save_figure(figure, path, form, options.get("dpi", DOTS_PER_INCH))
         return path
 

@@ -26,15 +26,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn, label_of
 from vtkmuscle.plotting import sheets, views
-from vtkmuscle.plotting.drawing import MuscleFrame
-from vtkmuscle.plotting.studio import (
-    Studio,
-    actors_of,
-    fixed_bones,
-    position_colours,
-    strain_colours,
-    strains_of,
-)
+from vtkmuscle.plotting.studio import Studio, actors_of, colours_of, fixed_bones, strain_colours, strains_of
 
 
 def plot_rest_pose(
@@ -46,26 +38,7 @@ def plot_rest_pose(
     units: str = "mm",
     width: float = sheets.WIDTH,
 ) -> Figure:
-    """Return a picture of muscles and fixed points at rest.
-
-    Parameters
-    ----------
-    muscles : mapping of str to vtkPolyData
-        With the point array ``FixedTo``.
-    bones : DrawnBones
-        At rest.
-    studio : Studio
-        Renders the pictures.
-    title, units : str, optional
-        Title, and unit of the scale bars.
-    width : float, optional
-        Of the figure on paper [mm].
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        For ``savefig``.
-    """
+    """Return a picture of muscles with fixed points at rest. The width on paper is in mm."""
     hiding = bones.spread()
     shown = {label_of(name): [muscle] for name, muscle in muscles.items()}
     if len(muscles) > 1:
@@ -93,7 +66,7 @@ def plot_rest_pose(
 
 
 def plot_muscle(
-    frames: Sequence[MuscleFrame],
+    frames: Sequence[views.MuscleFrame],
     bones: views.DrawnBones,
     studio: Studio,
     *,
@@ -102,26 +75,7 @@ def plot_muscle(
     units: str = "mm",
     width: float = sheets.WIDTH,
 ) -> Figure:
-    """Return a picture of a muscle in several frames.
-
-    Parameters
-    ----------
-    frames : sequence of MuscleFrame
-        The muscle, fibres, bones and title of each frame.
-    bones : DrawnBones
-        At rest.
-    studio : Studio
-        Renders the pictures.
-    rest_fibres : vtkPolyData, optional
-        Fibres at rest; colour then shows the change of length since rest.
-    title, units, width : optional
-        As in :func:`plot_rest_pose`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        For ``savefig``.
-    """
+    """Return a picture of a muscle in several frames, coloured by strain since ``rest_fibres``."""
     hiding = [bones.spread(frame.transforms) for frame in frames]
     view = views.clearest_view([frame.muscle for frame in frames], hiding)
     (view, *_) = sheets.fitted([view] * len(frames), width)
@@ -171,11 +125,6 @@ def plot_lengths(
         Words for times, such as the values of several coordinates.
     width : float, optional
         Of the figure on paper [mm].
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        For ``savefig``.
     """
     values = np.asarray(lengths, dtype=np.float64)
     high = min(0.75 * width / sheets.INCH, 4.2)
@@ -205,8 +154,7 @@ def _with_fixed_points(
     image = studio.picture(actors, view, bones=bones)
     points = studio.picture(actors[:-1], view)
     seen = np.ptp(points, axis=2) > 60  # the white background is grey at the rims of points
-    mixed: NDArray[np.uint8] = np.where(seen[..., None], image // 2 + points // 2, image)
-    return mixed
+    return np.where(seen[..., None], image // 2 + points // 2, image)
 
 
 def _lines(x: Floats, values: Floats, **look: Any) -> LineCollection:
@@ -224,7 +172,7 @@ def plot_moment_arms(
     bones: views.DrawnBones | None = None,
     studio: Studio | None = None,
     *,
-    rest: MuscleFrame | None = None,
+    rest: views.MuscleFrame | None = None,
     literature: Sequence[LiteratureCurve] = (),
     units: str = "mm",
     width: float = sheets.WIDTH,
@@ -242,7 +190,7 @@ def plot_moment_arms(
         At rest; for the picture of the muscle.
     studio : Studio, optional
         Renders the picture of the muscle.
-    rest : MuscleFrame, optional
+    rest : views.MuscleFrame, optional
         The muscle at rest, with a fibre per path, and a title.
     literature : sequence of LiteratureCurve, optional
         Published moment arms of the muscle, by coordinates of the same names.
@@ -250,11 +198,6 @@ def plot_moment_arms(
         Unit of the scale bar.
     width : float, optional
         Of the figure on paper [mm]. The picture is beside the curves, or above them where they are narrow.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        For ``savefig``.
     """
     panel, wide, beside = None, width / sheets.INCH, width > 0.6 * sheets.WIDTH
     positions = None if rest is None or rest.fibres is None else positions_across(rest.fibres)
@@ -262,7 +205,7 @@ def plot_moment_arms(
         view = views.clearest_view([rest.muscle], [bones.spread()])
         across = min(_PICTURE * view.aspect, (0.33 if beside else 0.9) * wide)
         view = replace(view, area=(across * sheets.DOTS_PER_INCH) ** 2 / view.aspect)  # pixel for pixel
-        colours = position_colours(positions)
+        colours = colours_of(positions, views.PLACE_MAP)
         actors = actors_of([rest.muscle], view, fibres=rest.fibres, colours=colours, finer=studio.finer)
         panel = sheets.Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
     across, high = (0.0, 0.0) if panel is None else panel.inches
@@ -302,8 +245,7 @@ def positions_across(fibres: vtkPolyData) -> Floats:
     spread = middles - middles.mean(axis=0)
     across = np.linalg.svd(spread - np.outer(spread @ along, along), full_matrices=False)[2][0]
     offsets = spread @ (across * np.sign(across[np.abs(across).argmax()]))
-    positions: Floats = (offsets - offsets.min()) / max(float(np.ptp(offsets)), 1e-12)
-    return positions
+    return np.asarray((offsets - offsets.min()) / max(float(np.ptp(offsets)), 1e-12))
 
 
 def _draw_arms(axes: Axes, joint_arms: JointArms, positions: Floats | None) -> None:

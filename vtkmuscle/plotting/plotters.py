@@ -30,7 +30,6 @@ def plain_plotter(size: tuple[int, int], off_screen: bool | None) -> pyvista.Plo
     theme.trame = own.trame
     with studio.x_server_warning_off():
         plotter = pyvista.Plotter(off_screen=off_screen, window_size=list(size), theme=theme)
-    plotter.set_background("white")
     plotter.enable_anti_aliasing("ssaa")
     return plotter
 
@@ -45,7 +44,7 @@ def make_plotter(
     fixed_points: bool = False,
     off_screen: bool | None = True,
 ) -> pyvista.Plotter:
-    """Return a plotter of bones, translucent muscles and fibres.
+    """Return a plotter of bones, translucent muscles and fibres, to be closed after use.
 
     Parameters
     ----------
@@ -63,11 +62,6 @@ def make_plotter(
         Mark fixed points (point array ``FixedTo``) by spheres, coloured by bone.
     off_screen : bool or None, optional
         None for a window on :meth:`pyvista.Plotter.show`, unless PyVista draws off-screen.
-
-    Returns
-    -------
-    pyvista.Plotter
-        For ``show`` or ``screenshot``; to be closed afterwards.
     """
     plotter = plain_plotter(view.size, off_screen)
     # PyVista's anti-aliasing renders 4 x 4 pixels.
@@ -86,39 +80,10 @@ _NOTHING: Mapping[str, Floats] = {}
 
 
 class MovingScene:
-    """Bones, translucent muscles and fibres on a plotter, moved by :meth:`show`.
+    """Bones, translucent muscles and fibres at rest on a ``plotter``, moved by :meth:`show`.
 
-    Parameters
-    ----------
-    bones : mapping of str to vtkPolyData, or vtkMultiBlockDataSet
-        Surfaces at rest, by name.
-    muscles : mapping of str to vtkPolyData
-        Surfaces of triangles at rest; empty to show only fibres.
-    fibres : mapping of str to vtkPolyData
-        Polylines by muscle.
-    off_screen : bool or None, optional
-        None for a window on ``plotter.show()``, unless PyVista draws off-screen.
-    size : (int, int), optional
-        Width and height [pixels].
-    opacity : float, optional
-        Opacity of muscles without fibres, 0 to 1.
-
-    Attributes
-    ----------
-    plotter : pyvista.Plotter
-        For ``show`` or ``screenshot``; to be closed afterwards.
-    view : View
-        The view of the muscles at rest with the least hidden area.
-
-    Examples
-    --------
-    >>> from vtkmuscle import phantoms
-    >>> from vtkmuscle.plotting import MovingScene
-    >>> phantom = phantoms.spindle_over_hinge()
-    >>> scene = MovingScene(phantom.bones, phantom.muscles, {}, off_screen=True)
-    >>> transforms = {bone: table[-1] for bone, table in phantom.motion.transforms.items()}
-    >>> scene.show(bones=transforms)
-    >>> scene.plotter.close()
+    ``view`` is that of the muscles, or else fibres or bones, with the least hidden area; ``opacity`` is of
+    muscles without fibres.
     """
 
     def __init__(
@@ -144,7 +109,10 @@ class MovingScene:
         self._fibres = {name: studio.line_actor(lines, colours[name]) for name, lines in fibres.items()}
         for actor in chain(self._bones.values(), self._muscles.values(), self._fibres.values()):
             self.plotter.add_actor(actor, reset_camera=False, render=False)
-        self.look(self.view)
+        width, height = size
+        studio.look_from(self.plotter.camera, self.view)
+        self.plotter.camera.parallel_scale *= 1.2 * max(1.0, self.view.aspect * height / width)
+        self.plotter.renderer.ResetCameraClippingRange()
 
     def show(
         self,
@@ -166,13 +134,6 @@ class MovingScene:
                     studio.move_points(actor, positions[name])
         self.plotter.renderer.ResetCameraClippingRange()
 
-    def look(self, view: View) -> None:
-        """Set the view, in parallel projection."""
-        width, height = self.plotter.window_size
-        studio.look_from(self.plotter.camera, view)
-        self.plotter.camera.parallel_scale *= 1.2 * max(1.0, view.aspect * height / width)
-        self.plotter.renderer.ResetCameraClippingRange()
-
 
 def show_time(plotter: pyvista.Plotter, time: float) -> None:
     """Render all filters on a plotter at a time.
@@ -183,11 +144,6 @@ def show_time(plotter: pyvista.Plotter, time: float) -> None:
         With algorithms; data sets stay unchanged.
     time : float
         Pipeline time.
-
-    Raises
-    ------
-    Exception
-        As raised by a filter.
     """
     for renderer in plotter.renderers:
         # PyVista's renderer.actors uses reusable addresses as names, and can lack actors.
@@ -215,11 +171,6 @@ def add_time_slider(plotter: pyvista.Plotter, times: Sequence[float], **appearan
     **appearance
         Arguments of :meth:`pyvista.Plotter.add_slider_widget`: ``title``, ``pointa``, ``pointb``,
         ``value`` and so on.
-
-    Returns
-    -------
-    vtkSliderWidget
-        The slider.
     """
     span = (float(min(times)), float(max(times)))
     return plotter.add_slider_widget(lambda time: show_time(plotter, time), span, **appearance)

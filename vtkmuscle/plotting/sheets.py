@@ -110,10 +110,8 @@ def sheet(panels: Sequence[Panel], title: str, units: str, width: float, *, bott
     columns, wide = _columns(len(panels), width), width / INCH
     rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
     titles = [fill(panel.title, letters_in(panel.inches[0])) for panel in panels]
-    header, top = (
-        0.06 + 0.14 * max(words.count("\n") + 1 for words in titles),
-        0.25 if title else 0.0,
-    )  # inches
+    header = 0.06 + 0.14 * max(words.count("\n") + 1 for words in titles)  # inches
+    top = 0.25 if title else 0.0
     heights = [max(p.inches[1] for p in row) + header for row in rows]
     height = top + bottom + sum(heights)
     figure = blank_figure(wide, height)

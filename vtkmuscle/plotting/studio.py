@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -30,7 +30,8 @@ from vtkmodules.vtkRenderingCore import (
 
 from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data import arrays
+from vtkmuscle.data import arrays, package_text
+from vtkmuscle.io.in_child import log_level
 from vtkmuscle.plotting import views
 
 _PLAIN_FIBRES = "#f3d9c9"
@@ -113,7 +114,7 @@ def strain_colours(strain: Floats, limit: float) -> NDArray[np.uint8]:
     >>> strain_colours(np.array([-10.0, 10.0]), limit=10.0).tolist()
     [[58, 76, 192], [179, 3, 38]]
     """
-    return _colours(views.FIBRE_MAP, 0.5 + 0.5 * strain / limit)
+    return colours_of(0.5 + 0.5 * strain / limit, views.FIBRE_MAP)
 
 
 def strains_of(rest: Floats, lengths: Sequence[Floats]) -> tuple[list[Floats], float]:
@@ -122,16 +123,12 @@ def strains_of(rest: Floats, lengths: Sequence[Floats]) -> tuple[list[Floats], f
     return strains, max(1.0, float(np.percentile(np.abs(strains), 98))) if strains else 1.0
 
 
-def position_colours(positions: Floats) -> NDArray[np.uint8]:
-    """Return colours (n, 3) of positions (n,) from 0 to 1."""
-    return _colours(views.PLACE_MAP, positions)
-
-
 def fibre_actor(fibres: vtkPolyData, width: float, colours: NDArray[np.uint8] | None = None) -> vtkActor:
     """Return splines through fibre points, shaded as tubes of a width [pixels]."""
     lines = arrays.polylines_from(arrays.polylines_of(fibres, "plotting: fibres"))
     if colours is not None:
         arrays.add_arrays(lines, cells={_COLOURS: colours})
+        lines.GetCellData().SetActiveScalars(_COLOURS)
     # The end curvature equals the neighbouring point's, so that arcs stay round.
     cubic = vtkCardinalSpline(left_constraint=3, right_constraint=3, left_value=1.0, right_value=1.0)
     # Thick lines have gaps at bends; with this many pieces, gaps are invisible.
@@ -140,12 +137,7 @@ def fibre_actor(fibres: vtkPolyData, width: float, colours: NDArray[np.uint8] | 
     splines.SetSubdivideToSpecified()
     look = {"line_width": width, "render_lines_as_tubes": True, "ambient": 0.25}
     actor = _actor(splines.update().output, _PLAIN_FIBRES, **look)
-    if colours is not None:
-        mapper = actor.GetMapper()
-        mapper.SetScalarVisibility(True)
-        mapper.SetScalarModeToUseCellFieldData()
-        mapper.SelectColorArray(_COLOURS)
-        mapper.SetColorModeToDirectScalars()
+    actor.GetMapper().SetScalarVisibility(colours is not None)
     return actor
 
 
@@ -156,9 +148,9 @@ def fixed_bones(muscle: vtkPolyData) -> Ints:
     return arrays.point_array(muscle, "FixedTo", "plotting: muscle").astype(np.int64)
 
 
-def _colours(name: str, part: Floats) -> NDArray[np.uint8]:
-    colours: NDArray[np.uint8] = colormaps[name](part, bytes=True)[:, :3]
-    return colours
+def colours_of(values: Floats, name: str) -> NDArray[np.uint8]:
+    """Return colours (n, 3) of values (n,) from 0 to 1 in a colour map."""
+    return np.asarray(colormaps[name](values, bytes=True)[:, :3])
 
 
 def _with_normals(surface: vtkPolyData, normals: Floats) -> vtkPolyData:
@@ -177,19 +169,8 @@ def _actor(data: vtkPolyData, colour: str, **look: Any) -> vtkActor:
 
 #: Rendered pixels per pixel of a picture, along each side.
 FINER = 2
-#: The five lights of vtkLightKit: direction (right, up, towards the eye), and colour.
-_LIGHTS = (
-    ((0.0, 0.0, 1.0), (0.25, 0.25, 0.25)),
-    ((0.111619, 0.766044, 0.633022), (0.75, 0.72924, 0.676665)),
-    ((-0.044943, -0.965926, 0.254887), (0.22706, 0.233285, 0.25)),
-    ((0.939693, 0.0, -0.34202), (0.214286, 0.214286, 0.214286)),
-    ((-0.939693, 0.0, -0.34202), (0.214286, 0.214286, 0.214286)),
-)
 #: Diffuse lighting of a fragment, at half the cost of VTK's own shader with OpenGL in software.
-_LIT = "vec3 lit = vec3(0.0);"
-for _towards, _colour in _LIGHTS:
-    _LIT += f"lit += max(dot(normalVCVSOutput, vec3{_towards}), 0.0) * vec3{_colour};"
-_LIT += "gl_FragData[0] = vec4(ambientColor + lit * diffuseColor, opacity);"
+_LIT = package_text("vtkmuscle.plotting", "lights.glsl")
 
 
 class Studio:
@@ -204,31 +185,21 @@ class Studio:
     ----------
     finer : float
         Rendered pixels per pixel of a view, along each side.
-    pictures, triangles : int
-        Numbers of pictures, and of triangles drawn.
     """
 
     def __init__(self, detail: float = 1.0) -> None:
         self._detail, self.finer = detail, FINER * detail
-        with x_server_warning_off():
-            self._window, self._renderer = vtkRenderWindow(), vtkRenderer()
-            self._window.SetOffScreenRendering(True)
-        self._window.SetMultiSamples(0)  # in software they cost more than finer pixels
-        self._window.AddRenderer(self._renderer)
-        self._renderer.SetBackground(1.0, 1.0, 1.0)
+        with x_server_warning_off():  # samples cost more in software than finer pixels
+            self._window = vtkRenderWindow(off_screen_rendering=True, multi_samples=0)
         # Muscles of one colour without back faces look the same in any order.
-        self._renderer.SetUseOIT(False)
+        self._renderer = vtkRenderer(background=(1.0, 1.0, 1.0), use_oit=False)
+        self._window.AddRenderer(self._renderer)
         self._bones: dict[views.DrawnBone, vtkActor] = {}
-        self.pictures = self.triangles = 0
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Release the window."""
         self._window.Finalize()
 
     def picture(
@@ -259,8 +230,6 @@ class Studio:
             self._renderer.RemoveActor(actor)
         for actor in actors:
             actor.ReleaseGraphicsResources(self._window)
-        self.pictures += 1
-        self.triangles += sum(actor.GetMapper().GetInput().GetNumberOfPolys() for actor in shown)
         image: NDArray[np.uint8] = np.asarray(fine.reduce(FINER))[::-1, :, :3]
         return image
 
@@ -290,12 +259,5 @@ def look_from(camera: vtkCamera, view: views.View) -> None:
     camera.SetParallelScale(view.half_height)
 
 
-@contextmanager
-def x_server_warning_off() -> Iterator[None]:
-    """Omit VTK's warning of a missing X server, which off-screen pictures do not need."""
-    before = vtkLogger.GetCurrentVerbosityCutoff()
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
-    try:
-        yield
-    finally:
-        vtkLogger.SetStderrVerbosity(before)
+#: Context without VTK's warning of a missing X server, which off-screen pictures do not need.
+x_server_warning_off = partial(log_level, vtkLogger.VERBOSITY_ERROR)

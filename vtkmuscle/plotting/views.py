@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -87,8 +88,7 @@ def spread_over(points: Floats, triangles: Ints) -> Floats:
     a, b, c = points[triangles[np.minimum(chosen, len(triangles) - 1)].T]
     u, v = np.random.default_rng(0).random((2, SPREAD, 1))
     u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
-    samples: Floats = a + u * (b - a) + v * (c - a)
-    return samples
+    return np.asarray(a + u * (b - a) + v * (c - a))
 
 
 def clustered(points: Floats, triangles: Ints, area: float, wanted: int) -> tuple[Ints, Ints]:
@@ -119,6 +119,15 @@ PLACE_MAP = "viridis"
 #: Colours of Okabe and Ito, distinguishable for colour-blind readers; bones and muscles use the colours in
 #: turn.
 PALETTE = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442")
+
+
+class MuscleFrame(NamedTuple):
+    """A muscle in a frame, with bones, fibres and title."""
+
+    muscle: vtkPolyData
+    transforms: Mapping[str, Floats]
+    fibres: vtkPolyData | None = None
+    label: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +161,7 @@ class View:
 
 
 def choose_view(muscles: Sequence[vtkPolyData], bones: Sequence[vtkMultiBlockDataSet]) -> View:
-    """Return the view with the largest visible muscle area.
+    """Return the view with the largest visible muscle area, for all frames.
 
     Directions around the vertical axis are compared by the muscle area that bones do not hide, then from
     slightly above and below. The frame encloses the muscles tightly.
@@ -163,11 +172,6 @@ def choose_view(muscles: Sequence[vtkPolyData], bones: Sequence[vtkMultiBlockDat
         A muscle in 1 or more frames.
     bones : sequence of vtkMultiBlockDataSet
         The bones of the frames.
-
-    Returns
-    -------
-    View
-        Shared by all frames for comparison.
     """
     spread = ([_spread(block) for _, block in blocks_of(frame)] for frame in bones)
     return clearest_view(muscles, [np.vstack([np.zeros((0, 3)), *of_frame]) for of_frame in spread])
@@ -195,21 +199,10 @@ def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats]) -> V
 
 
 def framed(direction: ArrayLike, points: Floats, *, margin: float = 0.12) -> View:
-    """Return a view with a tight frame around points.
+    """Return a view with a tight frame around points (n, 3).
 
-    Parameters
-    ----------
-    direction : (3,) array_like
-        Towards the eye; not vertical.
-    points : (n, 3) array
-        Points inside the frame [mm].
-    margin : float, optional
-        Space around the points, relative to their size.
-
-    Returns
-    -------
-    View
-        With an aspect between 0.5 and 1.6.
+    The direction to the eye is not vertical. The margin is relative to the size of the points; the aspect is
+    between 0.5 and 1.6.
     """
     axes = axes_of(np.asarray(direction, dtype=np.float64))
     local = points @ axes.T

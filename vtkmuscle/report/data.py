@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -98,7 +98,7 @@ def scene_of(run: Result, pack: Pack) -> dict[str, Any]:
         surface = _muscle(run, name, done, 2 * budget, pack) if surfaces else None
         fibres = _fibres(run, name, done, FIBRE_POINTS // count, scale, pack)
         muscles.append({"name": name, "colour": colour_of(number), "surface": surface, "fibres": fibres})
-    whole = merged(map(run.rest_muscle, run.muscle_names))
+    whole = merged(run.track(name).rest for name in run.muscle_names)
     view = {"towards": clearest_view([whole], [run.drawn_bones.spread()]).direction.tolist()}
     bones = _bones(run, shown, pack)
     return {"shown": shown, "mm": scale, "bones": bones, "muscles": muscles, "view": view}
@@ -129,7 +129,7 @@ def _rows(transforms: Floats | None, frames: list[int]) -> list[float] | None:
 
 
 def _muscle(run: Result, name: str, done: list[int], target: int, pack: Pack) -> dict[str, Any] | None:
-    rest, surfaces = run.rest_muscle(name), run.track(name).surfaces
+    rest, surfaces = run.track(name).rest, run.track(name).surfaces
     points, triangles = points_of(rest), triangles_of(rest, name)
     chosen = np.arange(len(points))
     target = min(max(target, LEAST), MOST)
@@ -210,8 +210,9 @@ class Measure(NamedTuple):
     offset: float = 0.0
     of_all: str = "max"
 
-    def __call__(self, values: Floats) -> Floats:
-        """Return values in the limits' unit."""
+    def of(self, frames: Iterable[Mapping[str, Any]]) -> Floats:
+        """Return the values of frames in the limits' unit; NaN for a missing value."""
+        values = np.array([row.get(self.key) for row in frames], dtype=np.float64)  # None is NaN
         return self.factor * values + self.offset
 
 
@@ -253,9 +254,8 @@ def colour_of(index: int) -> str:
 def _curves(run: Result, name: str, colour: str, pack: Pack) -> dict[str, Any]:
     checks, frames = {}, run.report["muscles"][name]["frames"]
     for measure in MEASURES:
-        column = np.array([row.get(measure.key) for row in frames], dtype=np.float64)  # None is NaN
-        if measure.curve and not np.isnan(column).all():
-            values = measure(column)
+        values = measure.of(frames)
+        if measure.curve and not np.isnan(values).all():
             checks[measure.key] = rounded(np.where(np.abs(values) < 1e-9, 0.0, values))
     lengths, fibres, arms = run.lengths.get(name), run.fibre_lengths.get(name), run.all_arms.get(name, {})
     published = {axis: curves_for(run.literature.get(name, ()), coordinate=axis) for axis in arms}
@@ -327,9 +327,8 @@ def _coordinates(run: Result) -> list[dict[str, Any]]:
 
 def _check(run: Result, measure: Measure, limit: tuple[float, float] | None) -> dict[str, Any]:
     """Return title, limits and words of a measure."""
-    muscles = (run.report["muscles"][name]["frames"] for name in run.muscle_names)
-    column = (row.get(measure.key) for frames in muscles for row in frames)
-    values = measure(np.array([value for value in column if value is not None], dtype=np.float64))
+    every = [measure.of(run.report["muscles"][name]["frames"]) for name in run.muscle_names]
+    values = (together := np.concatenate(every))[~np.isnan(together)]
     look, failed = limit or (None, None)
     flat = None
     if look is not None and len(values) and np.ptp(values) <= _FLAT * abs(look):

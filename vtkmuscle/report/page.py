@@ -53,7 +53,7 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True)
 class Section:
-    """A section of a page: a table with a header, in which verdicts are marked, SVG drawings and pictures.
+    """A section of a page. A table with a header, in which verdicts are marked, SVG drawings and pictures.
 
     ``words`` says that cells are words rather than numbers; drawings are titles and SVG, pictures captions
     and PNG in base 64.
@@ -184,8 +184,10 @@ def _flat(values: Mapping[str, Any], before: str = "") -> Iterable[tuple[str, st
 
 def _quality(muscles: Mapping[str, Any]) -> Section:
     listed = [measure for measure in MEASURES if measure.head]
-    frames = {name: muscle["frames"] for name, muscle in muscles.items()}
-    series = {name: {each: each(_column(frames[name], each.key)) for each in listed} for name in muscles}
+    series = {
+        name: {each: (values := each.of(muscle["frames"]))[np.isfinite(values)] for each in listed}
+        for name, muscle in muscles.items()
+    }
     columns = [measure for measure in listed if any(len(values[measure]) for values in series.values())]
     rows: list[tuple[str | Cell, ...]] = [("muscle", "frames", *(measure.head for measure in columns))]
     for name, muscle in muscles.items():
@@ -199,7 +201,3 @@ def _quality(muscles: Mapping[str, Any]) -> Section:
         ]
         rows.append((label_of(name), str(len(muscle["frames"])), *cells))
     return Section("Quality", "Worst frame unless stated otherwise; a coloured value needs a check.", rows)
-
-
-def _column(frames: Iterable[Mapping[str, Any]], key: str) -> Any:
-    return np.array([row[key] for row in frames if row.get(key) is not None], dtype=np.float64)

@@ -66,7 +66,7 @@ def _draw(result: ResultData, path: Path, tubes: bool) -> None:
     for name in result.muscle_names:
         track = result.track(name)
         if track.surfaces:
-            triangles = triangles_of(result.rest_muscle(name), name)
+            triangles = triangles_of(track.rest, name)
             moving = ((points_of(surface), triangles) for surface in track.surfaces)
             stage.paint(stage.mesh("muscles", name, moving), MUSCLE_RED)
         if track.fibres and track.rest_fibres is not None:

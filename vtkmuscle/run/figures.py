@@ -15,15 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle import plotting
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import names
-from vtkmuscle.data.arrays import blocks_of, points_of
+from vtkmuscle.data.arrays import blocks_of, points_of, with_points
 from vtkmuscle.io.literature import label_of
 from vtkmuscle.io.writing import replacing
-from vtkmuscle.plotting.drawing import FigureOrder, MuscleFrame, can_render
-from vtkmuscle.plotting.views import DrawnBones, fibre_surface
+from vtkmuscle.plotting.drawing import FigureOrder, can_render
+from vtkmuscle.plotting.views import DrawnBones, MuscleFrame, fibre_surface
 from vtkmuscle.scene.data import SceneData
 
 if TYPE_CHECKING:
@@ -108,7 +107,7 @@ def _drawn(
 
 def rest_pose_of(result: Result) -> FigureOrder:
     """Return the figure of a result's muscles at rest, with fixed points."""
-    at_rest = {name: result.rest_muscle(name) for name in result.muscle_names}
+    at_rest = {name: result.track(name).rest for name in result.muscle_names}
     given = {"muscles": at_rest, "title": f"{result.name}: fixed points at rest", "units": result.units}
     return FigureOrder("rest_pose", "plot_rest_pose", given, rendered=True)
 
@@ -117,39 +116,38 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
     """Return the figures of a muscle: frames, lengths and moment arms. Empty for a muscle without frames."""
     if not result.finished(name):
         return []
-    title = {"title": label_of(name)}
-    given = {"frames": _frames(result, name), "rest_fibres": result.rest_fibres(name), "units": result.units}
-    figures = [FigureOrder(f"{name}_frames", "plot_muscle", given | title, rendered=True)]
+    track, title = result.track(name), label_of(name)
+    given: dict[str, Any] = {"frames": _frames(result, name), "rest_fibres": track.rest_fibres}
+    given |= {"title": title, "units": result.units}
+    figures = [FigureOrder(f"{name}_frames", "plot_muscle", given, rendered=True)]
     curves = {"path": ("lengths", result.lengths), "fibre": ("fibre_lengths", result.fibre_lengths)}
     for of, (suffix, lengths) in curves.items():
         if name in lengths:
-            times = result.times[: len(lengths[name])]
-            given = {"times": times, "lengths": lengths[name], "of": of}
-            given |= _time_axis(result, name, len(times)) | title
+            given = {"times": result.times[: len(lengths[name])], "lengths": lengths[name], "of": of}
+            given |= {"title": title, **_time_axis(result, name, len(lengths[name]))}
             figures.append(FigureOrder(f"{name}_{suffix}", "plot_lengths", given))
-    arms = result.all_arms
-    if name in arms:
-        rest = MuscleFrame(result.rest_muscle(name), {}, result.rest_fibres(name), title["title"])
-        given = {"arms": dict(arms[name]), "rest": rest, "units": result.units}
-        given["literature"] = tuple(result.literature.get(name, ()))
+    if arms := result.all_arms.get(name):
+        given = {"arms": dict(arms), "rest": MuscleFrame(track.rest, {}, track.rest_fibres, title)}
+        given |= {"literature": tuple(result.literature.get(name, ())), "units": result.units}
         figures.append(FigureOrder(f"{name}_moment_arms", "plot_moment_arms", given, rendered=True))
     return figures
 
 
 def _frames(result: Result, name: str) -> list[MuscleFrame]:
-    """Return the first, the worst or else the middle, and the last finished frame of a muscle.
+    """Return three finished frames of a muscle. The first, the worst or else the middle, and the last.
 
     The worst counts in the middle two thirds: next to an end it would show the same twice.
     """
-    finished = result.frames[: result.finished(name)]
+    finished, track = result.frames[: result.finished(name)], result.track(name)
     inner = finished[len(finished) // 6 : len(finished) - len(finished) // 6]
     reasons = result.report["muscles"][name].get("verdict", {}).get("reasons", ())
     worst = [reason["frame"] for reason in reasons[:1] if reason["frame"] in inner]
     frames = []
     for number in sorted({finished[0], *(worst or [finished[(len(finished) - 1) // 2]]), finished[-1]}):
-        fibres = result.fibres(name, frame=number)
-        volumes = result.report["deformer"] != "none"
-        muscle = result.muscle(name, frame=number) if volumes else fibre_surface(fibres)
+        i = result.frames.index(number)
+        fibres: Any = track.fibres[i] if track.fibres else None
+        points = points_of(track.surfaces[i]) if track.surfaces else None
+        muscle = fibre_surface(fibres) if points is None else with_points(track.rest, points)
         moved = result.motion.at(float(result.motion.times[number]))
         frames.append(MuscleFrame(muscle, moved, fibres, _at(result, name, number)))
     return frames
@@ -171,7 +169,7 @@ def _rounded(values: Floats, frame: int) -> str:
 
 
 def _axis_values(result: Result, name: str) -> dict[str, Floats]:
-    """Return the times by label, or up to three coordinates of a muscle where the time is none of them."""
+    """Return the times by label. Up to three coordinates of a muscle, if the time is no coordinate."""
     crossed, every = result.crosses.get(name), result.motion.coordinates
     names = [key for key in every if np.ptp(every[key].values) > 0.0 and (crossed is None or key in crossed)]
     if result.time_label != "time" or not 1 <= len(names) <= 3:
@@ -221,8 +219,10 @@ def plotter_at_rest(scene: SceneData, off_screen: bool | None) -> Any:
     """Return a plotter with a scene at rest. Bones, muscles and landmarks."""
     import pyvista  # noqa: PLC0415 -- a run needs none
 
+    from vtkmuscle.plotting.plotters import MovingScene  # noqa: PLC0415
+
     surfaces = {name: muscle.surface for name, muscle in scene.muscles.items()}
-    plotter = plotting.MovingScene(scene.bones, surfaces, {}, off_screen=off_screen, opacity=0.4).plotter
+    plotter = MovingScene(scene.bones, surfaces, {}, off_screen=off_screen, opacity=0.4).plotter
     for area in (area for muscle in scene.muscles.values() for area in muscle.attachments):
         look = {"color": _ROLES[area.role], "reset_camera": False}
         plotter.add_points(area.landmarks, render_points_as_spheres=True, point_size=11, **look)
@@ -236,17 +236,19 @@ class ResultDisplay:
     """A result on a plotter: muscles, fibres and bones.
 
     The plotter is the attribute ``scene``. ``muscles`` are the shown muscles, default all; ``options`` go to
-    :class:`~vtkmuscle.plotting.MovingScene`.
+    :class:`~vtkmuscle.plotting.plotters.MovingScene`.
     """
 
     def __init__(
         self, result: ResultData, muscles: str | Sequence[str] | None = None, **options: Any
     ) -> None:
+        from vtkmuscle.plotting.plotters import MovingScene  # noqa: PLC0415 -- only pictures need it
+
         self._result = result
         self._names = names(result.muscle_names if muscles is None else muscles)
         self._volumes = result.report["deformer"] != "none"
         fibres = {name: lines for name in self._names if (lines := result.rest_fibres(name)) is not None}
-        self.scene = plotting.MovingScene(
+        self.scene = MovingScene(
             dict(blocks_of(result.rest_bones())),
             {name: result.rest_muscle(name) for name in self._names} if self._volumes else {},
             fibres,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import UserList
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -23,7 +24,6 @@ from vtkmuscle.run.report_values import FIBRE_MEASURES
 Progress = Callable[[str, str, float], None]
 #: Frames to keep, in the words of a user.
 FrameChoice = str | slice | range | int | None
-Observe = Callable[[str, Mapping[str, Any]], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,9 +52,8 @@ class RunOptions:
     sense : bool
         Check before the run whether the scene is plausible.
     progress : callable or None
-        Called with the muscle's name, the stage, and the finished part, 0 to 1; from any thread.
-    observe : callable or None
-        Called with the muscle's name and the report's numbers of each finished frame; from any thread.
+        Called with the muscle's name, the stage, and the finished part, 0 to 1, before each stage and frame;
+        from any thread.
     clock : callable
         Clock for the stages of muscles [s]; a function of a module, because all processes use the clock.
 
@@ -72,7 +71,6 @@ class RunOptions:
     fresh: bool = False
     sense: bool = True
     progress: Progress | None = None
-    observe: Observe | None = None
     clock: Callable[[], float] = time.perf_counter
 
     def __post_init__(self) -> None:
@@ -164,29 +162,19 @@ def _state(path: Path) -> tuple[int, ...]:
     return status.st_ino, status.st_size, status.st_mtime_ns
 
 
-class Frames(Sequence[vtkPolyData]):
-    """Frames of a surface or of fibres. Frames in files are read at every access."""
-
-    def __init__(self, frames: Iterable[vtkPolyData | WrittenFile] = ()) -> None:
-        self._frames = list(frames)
+class Frames(UserList[Any]):
+    """Frames of a surface or of fibres, as poly data or files. Files are read at every access."""
 
     def __getitem__(self, index: Any) -> Any:
+        frame = self.data[index]
         if isinstance(index, slice):
-            return Frames(self._frames[index])
-        frame = self._frames[index]
+            return Frames(frame)
         return frame.read() if isinstance(frame, WrittenFile) else frame
-
-    def __len__(self) -> int:
-        return len(self._frames)
-
-    def append(self, frame: vtkPolyData | WrittenFile) -> None:
-        """Add a frame, or the file that has it."""
-        self._frames.append(frame)
 
     @property
     def files(self) -> list[WrittenFile]:
         """The files among the frames."""
-        return [frame for frame in self._frames if isinstance(frame, WrittenFile)]
+        return [frame for frame in self.data if isinstance(frame, WrittenFile)]
 
 
 class FibreNumbers(NamedTuple):
@@ -214,7 +202,7 @@ class MuscleTrack:
     and the reason. ``arms`` keeps what a result has found by the coordinates that were asked for.
     """
 
-    rest: vtkPolyData | None = None
+    rest: Any = None
     rest_fibres: vtkPolyData | None = None
     surfaces: Frames = field(default_factory=Frames)
     fibres: Frames = field(default_factory=Frames)

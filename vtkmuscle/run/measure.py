@@ -53,7 +53,7 @@ class MuscleMeasure:
         self._unfolded &= ~beside_slivers(self._rest, self._quads)
         #: A bone presses on a path from no farther, through the muscle between [mm].
         self._standoff = LARGEST_STANDOFF * surfaces.mean_thickness(self._rest, self._triangles)
-        self._rest_depths: Floats | None = None
+        self._rest_depths = self._depths_of_free(self._rest, {})
         self._fibre_rest_depths: Floats | None = None
         self._bent: TriangleTree | None = None
 
@@ -65,13 +65,12 @@ class MuscleMeasure:
     def at_rest(self) -> dict[str, Any]:
         """Return the numbers of the muscle at rest."""
         fixed = {bone: int((self._fixed_to == i).sum()) for i, bone in enumerate(self._bones)}
-        still = {bone: np.eye(4) for bone in self._bones}
         return {
             "points": len(self._rest),
             "triangles": len(self._triangles),
             "volume_mm3": self._volume * self._millimetres**3,
             "fixed_points": {bone: count for bone, count in fixed.items() if count},
-            "rest": self._penetration(self._rest, still, new=False),
+            "rest": self._sizes("penetration", self._rest_depths, count="penetrating_points"),
         }
 
     def frame(self, points: Floats, transforms: Mapping[str, Floats]) -> dict[str, Any]:
@@ -87,10 +86,13 @@ class MuscleMeasure:
         misshapen = (greatest > BEYOND * LONGEST) | (least < SHORTEST / BEYOND)
         angles, _ = dihedral_angles(points, self._quads)
         folded = self._unfolded & (np.abs(angles) > np.radians(FOLDED))
+        depths, rest = self._depths_of_free(points, now), self._rest_depths
+        grown = None if depths is None or rest is None else np.maximum(depths - rest, 0.0)
         return {
             "misshapen_area": float(areas[misshapen].sum() / areas.sum()),
             "folded_edges": int(folded.sum()),
-            **self._penetration(points, now),
+            **self._sizes("penetration", depths, count="penetrating_points"),
+            **self._sizes("penetration_new", grown),
             "fixed_error_max_mm": self._fixed_error(points, now),
         }
 
@@ -155,29 +157,22 @@ class MuscleMeasure:
 
     def take_fibres_at_rest(self, fibre_points: Floats, offsets: Ints) -> None:
         """Take the depths at rest in bones of fibres with points (p, 3) and offsets (k + 1,)."""
-        depths = self.depths(fibre_points, {bone: np.eye(4) for bone in self._bones})
+        depths = self.depths(fibre_points, {})
         self._fibre_rest_depths = None if depths is None else np.maximum.reduceat(depths, offsets[:-1])
 
-    def _penetration(self, points: Floats, now: Mapping[str, Floats], *, new: bool = True) -> dict[str, Any]:
-        """Return the depths of free points in the bones, with ``new`` also the increase since rest."""
+    def _depths_of_free(self, points: Floats, now: Mapping[str, Floats]) -> Floats | None:
+        """Return the depths of free points in bones. None without such points or bones."""
         free = self._fixed_to < 0
-        depths = self.depths(points[free], now) if free.any() else None
-        names = ("penetration_max_mm", "penetration_p95_mm", "penetrating_points")
-        names_of_new = ("penetration_new_max_mm", "penetration_new_p95_mm") if new else ()
-        if depths is None:
-            return dict.fromkeys((*names, *names_of_new))
-        found = [*self._largest(depths), int((depths > 0).sum())]
-        if new:
-            if self._rest_depths is None:
-                self._rest_depths = self.depths(self._rest[free], {bone: np.eye(4) for bone in self._bones})
-            assert self._rest_depths is not None  # the bones have insides, as they had just now
-            found += self._largest(np.maximum(depths - self._rest_depths, 0.0))
-        return dict(zip((*names, *names_of_new), found, strict=True))
+        return self.depths(points[free], now) if free.any() else None
 
-    def _largest(self, depths: Floats) -> tuple[float, float]:
-        """Return the largest and 95th percentile depth [mm]."""
-        millimetres = depths * self._millimetres
-        return float(millimetres.max()), float(np.percentile(millimetres, 95))
+    def _sizes(self, name: str, depths: Floats | None, count: str = "") -> dict[str, Any]:
+        """Return the largest and 95th percentile of depths [mm]. The number above 0 is by its name."""
+        names = (f"{name}_max_mm", f"{name}_p95_mm", *([count] if count else []))
+        if depths is None:
+            return dict.fromkeys(names)
+        size = depths * self._millimetres
+        sizes = float(size.max()), float(np.percentile(size, 95)), int((depths > 0).sum())
+        return dict(zip(names, sizes, strict=False))
 
     def _fixed_error(self, points: Floats, now: Mapping[str, Floats]) -> float:
         worst = 0.0

@@ -19,18 +19,17 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data import arrays
 from vtkmuscle.data.attachments import VIA
 from vtkmuscle.data.paths import PATH_STEPS, SAG, SQUEEZED, UNSETTLED, path_lines_of, paths_of
+from vtkmuscle.filters import Filter, PathDeformer, PBDDeformer
 from vtkmuscle.filters.base.algorithm import AbortedError
-from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.running import upstream
 from vtkmuscle.filters.deformer import read_shape
-from vtkmuscle.filters.path_deformer import PathDeformer
-from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.io.fibre_table import spread
 from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run.frames import MuscleTrack, RunOptions, WrittenFile
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report_values import architecture_of, fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.store.writing import ResultWriter
-from vtkmuscle.run.verdict import FibreHistory, judge
+from vtkmuscle.run.verdict import judge
 from vtkmuscle.scene.data import Anatomy, SceneData
 
 
@@ -196,8 +195,7 @@ class MuscleRun:
             if deformed is None:
                 self._keep(row | _settling(pipeline) | {"ms": 1000.0 * carried()}, None, fibres)
                 return
-            row |= read_shape(deformed, self.scene.millimetres)
-            row |= _settling(pipeline)
+            row |= read_shape(deformed, self.scene.millimetres) | _settling(pipeline)
             row |= measure.frame(points, transforms)
             if fibres is not None:
                 lines = arrays.polylines_of(fibres, "fibres")
@@ -227,23 +225,19 @@ class MuscleRun:
                     depth = float(np.percentile(arrays.cell_array(fibres, name, "fibres"), 95))
                     row[f"{name.lower()}_p95_mm"] = depth * self.scene.millimetres
             self.track.add_lengths(fibres, self.scene.millimetres)
-            measures = measures_of_fibres(fibres, self.scene.millimetres)
-            self.track.report["fibre_measures"].append({"frame": number, "time": now, **measures})
+            measures = measures_of_fibres(self.track.numbers[-1].columns, self.scene.millimetres)
+            sizes = {name: spread(values) for name, values in measures.items()}
+            self.track.report["fibre_measures"].append({"frame": number, "time": now, **sizes})
         self.track.report["frames"].append(row)
-        if self.run.options.observe is not None:
-            self.run.options.observe(self.name, row)
 
     def _judge(self, measure: MuscleMeasure) -> None:
         """Add the verdict on the computed frames to the report."""
-        track, rows = self.track, self.track.report["frames"]
-        motion = self.scene.motion.part(self.run.numbers[: len(rows)]) if rows else None
-        history = None
-        if track.fibre_lengths and track.rest_fibres is not None and motion is not None:
-            rest_lengths = arrays.polylines_of(track.rest_fibres, "fibres").lengths * self.scene.millimetres
-            paths = np.array(track.lengths) if track.lengths else None
-            history = FibreHistory(np.array(track.fibre_lengths), rest_lengths, track.report["fibres"], paths)
+        track, computed, rest = self.track, self.run.numbers[: len(self.track.report["frames"])], None
+        motion = self.scene.motion.part(computed) if computed else None
+        if track.rest_fibres is not None:
+            rest = arrays.polylines_of(track.rest_fibres, "fibres").lengths * self.scene.millimetres
         sizes: dict[str, Any] = {"n_edges": measure.n_edges, "size": measure.size}
-        track.report["verdict"] = judge(rows, history, motion=motion, failure=track.failure, **sizes)
+        track.report["verdict"] = judge(track, rest, motion=motion, **sizes)
 
     def _deformers(self) -> dict[str, PathDeformer | PBDDeformer]:
         """Return the deformers of other muscles without failure."""

@@ -7,19 +7,18 @@ import pickle
 import signal
 import time
 import warnings
-from collections.abc import Callable
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from contextlib import ExitStack
-from multiprocessing import active_children, parent_process
+from multiprocessing import parent_process
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Thread
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from vtkmuscle.core.machine import is_python, processors
 from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.data.arrays import points_of, with_points
-from vtkmuscle.io.children import child_context, interrupts_blocked
+from vtkmuscle.io.children import child_context, interrupts_blocked, processes
 from vtkmuscle.plotting.drawing import FigureOrder
 from vtkmuscle.plotting.views import DrawnBones
 from vtkmuscle.run.frames import Frames, MuscleTrack, RunOptions
@@ -40,7 +39,7 @@ def pool_size(scene: SceneData, workers: int | None) -> int:
     return min(processors() if workers is None else workers, len(scene.muscles))
 
 
-class Pool:
+class Pool(ExitStack):
     """Processes that solve muscles, and others that draw, until the end of the pool's context.
 
     At most ``size`` solve, and half as many draw, started on demand: a driver that ends a drawing process
@@ -51,54 +50,41 @@ class Pool:
         # VTK's data sets are pickled by this module of VTK. ParaView's VTK lacks it, and uses no pool.
         import vtkmodules.util.pickle_support  # noqa: F401, PLC0415
 
+        super().__init__()
         context = child_context()
-        self._messages, self._before = context.SimpleQueue(), active_children()
-        self.checked = context.Event()
+        self._messages, self.checked = context.SimpleQueue(), context.Event()
         self._warned: dict[Any, Any] = {}
         # What is large goes through files: a pipe that nobody reads any more would be written to for ever.
-        self._files = TemporaryDirectory()
+        self._folder = Path(self.enter_context(TemporaryDirectory()))
         given = self._file("run", (run.scene, run.numbers, run.store, run.options.clock, run.only))
-        self._bones = Path(self._files.name, "bones")
-        self._solvers = ProcessPoolExecutor(size, context, _begin, (given, self._messages, self.checked))
-        drawing = self._bones, self._messages
-        self._drawers = ProcessPoolExecutor(max(size // 2, 1), context, _begin_drawing, drawing)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for process in set(active_children()).difference(self._before):
-            process.kill()
-        self._solvers.shutdown(cancel_futures=True)
-        self._drawers.shutdown(cancel_futures=True)
-        self._files.cleanup()
+        solving, drawing = (given, self._messages, self.checked), (self._folder / "bones", self._messages)
+        self._drawers = self.enter_context(processes(max(size // 2, 1), _begin_drawing, drawing))
+        self._solvers = self.enter_context(processes(size, _begin, solving))
 
     def solve(self, muscle: str) -> Future[Path]:
         """Solve a muscle in the next free process; the result is for :func:`track_in`."""
         with interrupts_blocked():
-            return self._solvers.submit(_solve, muscle, Path(self._files.name, f"muscle {muscle}"))
+            return self._solvers.submit(_solve, muscle, self._folder / f"muscle {muscle}")
 
     def draw(self, order: FigureOrder, folder: Path, bones: DrawnBones) -> Future[float]:
         """Draw a figure in the next free process; the result is the drawing time [s]."""
-        if not self._bones.exists():
-            self._file(self._bones.name, bones)
+        if not (self._folder / "bones").exists():
+            self._file("bones", bones)
         with interrupts_blocked():
             return self._drawers.submit(_draw, self._file(f"figure {order.name}", order), folder)
 
     def pass_on(self, options: RunOptions) -> None:
-        """Pass on progress, frames and warnings of the processes."""
+        """Pass on progress and warnings of the processes."""
         while not self._messages.empty():
             kind, *content = self._messages.get()
             if kind == "warning":
                 text, category, file, line = content
                 warnings.warn_explicit(text, category, file, line, registry=self._warned)
-            elif kind == "progress" and options.progress is not None:
+            elif options.progress is not None:
                 options.progress(*content)
-            elif kind == "frame" and options.observe is not None:
-                options.observe(*content)
 
     def _file(self, name: str, content: object) -> Path:
-        path = Path(self._files.name, name)
+        path = self._folder / name
         path.write_bytes(pickle.dumps(content))
         return path
 
@@ -129,11 +115,7 @@ def _begin(given: Path, messages: Any, checked: Any) -> None:
     _join(messages)
     scene, numbers, store, clock, only = pickle.loads(given.read_bytes())
     _open.enter_context(keep_shared())  # all muscles of this process share bones
-
-    def send(kind: str) -> Callable[..., None]:
-        return lambda *content: messages.put((kind, *content))
-
-    options = RunOptions(progress=send("progress"), observe=send("frame"), clock=clock)
+    options = RunOptions(progress=lambda *content: messages.put(("progress", *content)), clock=clock)
     _Worker.run = SceneRun(scene, numbers, store, options, only, checked=checked)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -21,7 +21,7 @@ from vtkmuscle.data.arrays import Polylines, checked_surface, field_array, point
 from vtkmuscle.data.attachments import aponeuroses_of
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, aponeurosis_surfaces, muscle_geometry
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
-from vtkmuscle.io.fibre_table import fibre_summary, muscle_summary, spread
+from vtkmuscle.io.fibre_table import muscle_summary, spread
 from vtkmuscle.run.table import Table
 
 #: Length at which sarcomeres of human muscle are strongest, to which dissections normalise [um]: Ward et al.
@@ -168,25 +168,8 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
     }
 
 
-def measures_of_fibres(fibres: vtkPolyData, millimetres: float) -> dict[str, dict[str, float]]:
-    """Return mean, standard deviation, least and largest of each measure of FibreMetrics in a frame."""
-    summary = fibre_summary(fibres)
-    known = {name: summary[array] for array, name in FIBRE_MEASURES.items() if array in summary}
-    scales = {name: _scale(name, millimetres) for name in known}
-    return {name: {word: scales[name] * x for word, x in own.items()} for name, own in known.items()}
-
-
-def _scale(name: str, millimetres: float) -> float:
-    """Return the factor from scene to measure unit. The unit of a measure is in the measure's name."""
-    return millimetres if name.endswith("_mm") else 1.0
-
-
-def fibre_table(frames: Sequence[Mapping[str, Floats]], times: Sequence[float], millimetres: float) -> Table:
-    """Return the table of FibreMetrics measures (k,) by array and frame, a row per fibre and frame."""
-    known = {array: name for array, name in FIBRE_MEASURES.items() if array in frames[0]}
-
-    def measures(time: float, columns: Mapping[str, Floats]) -> dict[str, Any]:
-        scaled = {name: columns[array] * _scale(name, millimetres) for array, name in known.items()}
-        return {"fibre": np.arange(len(columns["Length"])), "time": time, **scaled}
-
-    return Table.stacked(("fibre", "time", *known.values()), map(measures, times, frames))
+def measures_of_fibres(columns: Mapping[str, Floats], millimetres: float) -> dict[str, Floats]:
+    """Return measures (k,) of FibreMetrics by their names in reports, where the unit is in the name."""
+    known = {array: name for array, name in FIBRE_MEASURES.items() if array in columns}
+    scales = {name: millimetres if name.endswith("_mm") else 1.0 for name in known.values()}
+    return {name: scales[name] * columns[array] for array, name in known.items()}

@@ -150,10 +150,7 @@ class Result(ResultData):
         shown.show(position)
         if frame is None and time is None and len(self.frames) > 1:
             shown.add_slider()
-        if not show:
-            return shown.scene.plotter
-        shown.scene.plotter.show()
-        return None
+        return shown.scene.plotter.show() if show else shown.scene.plotter
 
     def movie(
         self,
@@ -213,7 +210,7 @@ class Result(ResultData):
         """
         from vtkmuscle.run.figures import write_figures  # noqa: PLC0415 -- only figures need PyVista
 
-        return write_figures(Path(folder), self.plain(), form=form, dpi=dpi, width=width)
+        return write_figures(Path(folder), self, form=form, dpi=dpi, width=width)
 
     def write_usd(self, path: str | PathLike[str], *, tubes: bool = False) -> Path:
         """Write bones, muscles and fibres as an animation of USD, for Blender, Houdini or Omniverse.
@@ -237,7 +234,7 @@ class Result(ResultData):
         """
         from vtkmuscle.run.animation import write_usd  # noqa: PLC0415 -- an extra
 
-        write_usd(self.plain(), Path(path), tubes=tubes)
+        write_usd(self, Path(path), tubes=tubes)
         return Path(path)
 
     def write_report(self, path: str | PathLike[str]) -> Path:
@@ -250,7 +247,7 @@ class Result(ResultData):
 
         if Path(path).suffix.lower() not in (".html", ".htm"):
             raise InputError(str(path), "a report is an HTML page", "end the name in .html")
-        return write_page(path, self.plain())
+        return write_page(path, self)
 
 
 One = TypeVar("One")
@@ -265,16 +262,6 @@ class MuscleResult(Remedies):
         Its name, and ``"ok"``, ``"look"`` or ``"failed"``.
     reasons : tuple of str
         Why it is not ok.
-    volume : float
-        Of the surface at rest [mm^3].
-    length : (frames,) array
-        Mean of the paths' lengths [mm].
-    lengths, fibre_lengths : (frames, fibres) array
-        Of its paths and of its fibres [mm].
-    moment_arms : mapping of str to JointArms
-        By coordinate.
-    architecture : mapping of str to object
-        At rest, by the names of ``report["definitions"]``.
 
     Examples
     --------
@@ -291,32 +278,32 @@ class MuscleResult(Remedies):
 
     @property
     def volume(self) -> float:
-        """Of the surface at rest [mm^3]."""
+        """Volume of the surface at rest [mm^3]."""
         return float(self._result.report["muscles"][self.name]["volume_mm3"])
 
     @property
     def length(self) -> Floats:
-        """Mean of the paths' lengths [mm]."""
+        """Mean of the paths' lengths (frames,) [mm]."""
         return np.asarray(self.lengths.mean(axis=1))
 
     @property
     def lengths(self) -> Floats:
-        """Of its paths [mm]."""
+        """Lengths of the paths (frames, fibres) [mm]."""
         return self._of(self._result.lengths, "paths")
 
     @property
     def fibre_lengths(self) -> Floats:
-        """Of its fibres [mm]."""
+        """Lengths of the fibres (frames, fibres) [mm]."""
         return self._of(self._result.fibre_lengths, "fibres")
 
     @property
     def moment_arms(self) -> Mapping[str, JointArms]:
-        """By coordinate."""
+        """Moment arms by coordinate."""
         return self._result.moment_arms()[self.name]
 
     @property
     def architecture(self) -> Mapping[str, Any]:
-        """At rest, by the names of the report's definitions."""
+        """Architecture at rest, by the names of ``report["definitions"]``."""
         muscles = self._result.report["muscles"]
         return self._of({self.name: muscles[self.name].get("architecture")}, "fibres")
 

@@ -23,8 +23,8 @@ from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, read_literature
 from vtkmuscle.plotting.views import DrawnBones
 from vtkmuscle.run.frames import MuscleTrack
-from vtkmuscle.run.report_values import architecture_table, fibre_table
-from vtkmuscle.run.table import MomentArmTable, Table, length_table, optional_package
+from vtkmuscle.run.report_values import architecture_table, measures_of_fibres
+from vtkmuscle.run.table import COLUMNS, MomentArmTable, Table, optional_package
 from vtkmuscle.scene.data import MILLIMETRES
 
 
@@ -52,19 +52,11 @@ class ResultData(ByName):
         self.frames: Sequence[int] = list(report["frames"])
         self.times: Sequence[float] = [float(motion.times[frame]) for frame in self.frames]
         self.muscle_names: Sequence[str] = list(tracks)
-        self._known_arms: dict[tuple[str, ...], Any] = {}
         self._tracks = tracks
-        self._wrap = _wrapped
         self._bones = bones
         self.drawn_bones = drawn_bones or DrawnBones(bones)
         self._mover = BoneMotion(motion=motion)
         self._mover.connect(0, bones)
-
-    def plain(self) -> Self:
-        """Return the same result with VTK's data sets in place of PyVista's, which need not be loaded."""
-        other = copy(self)
-        other._wrap = lambda data: data
-        return other
 
     @property
     def verdicts(self) -> Mapping[str, str]:
@@ -93,7 +85,7 @@ class ResultData(ByName):
         return self.moment_arms() if self.has_moment_arms else {}
 
     def finished(self, name: str) -> int:
-        """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
+        """Return the number of a muscle's kept frames. All, or those before a failure."""
         return len(self.report["muscles"][name]["frames"])
 
     def muscle(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
@@ -107,11 +99,6 @@ class ResultData(ByName):
             One of ``frames``, the number in the motion, or counted from the last as -1; or a time, of the
             nearest kept frame within half of the distance to the next.
 
-        Returns
-        -------
-        pyvista.PolyData
-            The surface.
-
         Raises
         ------
         ValueError
@@ -123,15 +110,15 @@ class ResultData(ByName):
             remedy = f"fibres({name!r}, frame={self.frames[i]}) has its fibres; deformer 'paths' deforms it"
             raise InputError("", f"the scene's deformer is 'none', so {name!r} was not deformed", remedy)
         self._check_finished(name, i)
-        return self._wrap(with_points(track.rest, points_of(track.surfaces[i])))
+        return _wrapped(with_points(track.rest, points_of(track.surfaces[i])))
 
     def fibres(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
-        """Return the fibres of a muscle in a kept frame, None where it has none; see :meth:`muscle`."""
+        """Return the fibres of a muscle in a kept frame. None where it has none; see :meth:`muscle`."""
         i, track = self._position(frame, time), self.track(name)
         if not track.fibres and track.rest_fibres is None:
             return None
         self._check_finished(name, i)
-        return self._wrap(track.fibres[i])
+        return _wrapped(track.fibres[i])
 
     def paths(self, name: str, *, frame: int | None = None, time: float | None = None) -> Paths:
         """Return the paths of a muscle in a kept frame, in the scene's unit; see :meth:`muscle`.
@@ -151,22 +138,20 @@ class ResultData(ByName):
         """Return the bones in a kept frame, a block each, with the field array ``Transform``."""
         moved = vtkMultiBlockDataSet()
         moved.ShallowCopy(self._mover.update(time=self.times[self._position(frame, time)]).output)
-        return self._wrap(moved)
+        return _wrapped(moved)
 
     def rest_muscle(self, name: str) -> Any:
         """Return a muscle at rest, with the point array ``FixedTo``."""
-        rest = self.track(name).rest
-        assert rest is not None  # a result is made when all muscles are done
-        return self._wrap(rest)
+        return _wrapped(self.track(name).rest)
 
     def rest_fibres(self, name: str) -> Any:
         """Return the fibres of a muscle at rest, None where it has none."""
         fibres = self.track(name).rest_fibres
-        return None if fibres is None else self._wrap(fibres)
+        return None if fibres is None else _wrapped(fibres)
 
     def rest_bones(self) -> Any:
         """Return the bones at rest."""
-        return self._wrap(self._bones)
+        return _wrapped(self._bones)
 
     def track(self, name: str) -> MuscleTrack:
         """Return the frames and numbers of a muscle."""
@@ -220,15 +205,6 @@ class ResultData(ByName):
         if not self.lengths:
             remedy = "give the muscles fibres; with deformer 'pbd' set paths too"
             raise InputError("", "no muscle of the run has paths, so no moment arms", remedy)
-        if coordinates not in self._known_arms:
-            self._known_arms[coordinates] = self._joint_arms(coordinates)
-        arms, refused = self._known_arms[coordinates]
-        return MomentArmTable(arms, refused)
-
-    def _joint_arms(
-        self, coordinates: tuple[str, ...]
-    ) -> tuple[dict[str, dict[str, JointArms]], dict[str, str]]:
-        """Return the moment arms per muscle and coordinate, and why there are none by others."""
         motion = self.motion.part(self.frames)
         among, wanted = coordinates or tuple(motion.coordinates), coordinates or None
         every = self.motion.coordinates
@@ -253,19 +229,33 @@ class ResultData(ByName):
             refused |= without
         if problems and not arms:
             raise problems[0]
-        return arms, refused
+        return MomentArmTable(arms, refused)
 
     def length_table(self) -> Table:
         """Return the lengths of the paths, a row per muscle, fibre and frame, as lengths.csv."""
-        errors = {name: self._tracks[name].errors() for name in self.lengths}
-        return length_table(self.lengths, self.frames, self.times, errors)
+        return self._lengths("lengths", self.lengths)
 
     def fibre_length_table(self) -> Table:
         """Return the lengths of the fibres, a row per muscle, fibre and frame, as fibre_lengths.csv."""
-        return length_table(self.fibre_lengths, self.frames, self.times)
+        return self._lengths("fibre_lengths", self.fibre_lengths)
+
+    def _lengths(self, table: str, lengths: Mapping[str, Floats]) -> Table:
+        """Return a table of lengths (f, k) per muscle [mm]. In the first f frames, with errors of means."""
+        parts = (
+            {
+                "muscle": name,
+                "fibre": np.arange(one.shape[1])[:, None],
+                "frame": self.frames[: len(one)],
+                "time": self.times[: len(one)],
+                "length_mm": one.T,
+                "mean_error_mm": self._tracks[name].errors().get("total", np.nan),
+            }
+            for name, one in lengths.items()
+        )
+        return Table.stacked(COLUMNS[table], parts)
 
     def frame_table(self) -> Table:
-        """Return the numbers of the report, a row per muscle and frame; NaN where a muscle has none.
+        """Return the numbers of the report. A row per muscle and frame; NaN where a muscle has none.
 
         ``report["definitions"]`` says what they are; the measures of fibres are in the report alone.
         """
@@ -288,11 +278,13 @@ class ResultData(ByName):
         return found | {"architecture": self.architecture()}
 
     def fibre_tables(self) -> Iterator[tuple[str, Table]]:
-        """Give the measures of the fibres of each muscle that has some, a row per fibre and frame."""
+        """Give the measures of the fibres of each muscle. A row per fibre and frame."""
         for name, track in self._tracks.items():
             if track.fibres:
-                columns = [one.columns for one in track.numbers]
-                yield name, fibre_table(columns, self.times, MILLIMETRES[self.units])
+                measures = [measures_of_fibres(n.columns, MILLIMETRES[self.units]) for n in track.numbers]
+                ids = {"fibre": np.arange(len(measures[0]["length_mm"]))}
+                parts = (ids | {"time": t} | own for t, own in zip(self.times, measures, strict=False))
+                yield name, Table.stacked(("fibre", "time", *measures[0]), parts)
 
     def to_csv(self, folder: str | PathLike[str]) -> list[Path]:
         """Write the tables of the result to a folder, and return the .csv files.
@@ -326,14 +318,11 @@ class ResultData(ByName):
         tables = {"length_mm": self.length_table(), "fibre_length_mm": self.fibre_length_table()}
         axes = ("muscle", "coordinate", "fibre", "frame")
         if self.has_moment_arms:
-            arms = self.moment_arms()
-            kept, parts = np.array(self.frames), []
-            columns = (*axes, "moment_arm_mm")
-            for labels, each in arms.labelled():
-                fibres = np.arange(each.arms.shape[1])
-                own = {"fibre": fibres, "frame": kept[each.frames, None], "moment_arm_mm": each.arms}
-                parts.append(labels | own)
-            tables["moment_arm_mm"] = Table.stacked(columns, parts)
+            parts, kept = [], np.array(self.frames)
+            for labels, each in self.moment_arms().labelled():
+                own = {"fibre": np.arange(each.arms.shape[1]), "frame": kept[each.frames, None]}
+                parts.append({**labels, **own, "moment_arm_mm": each.arms})
+            tables["moment_arm_mm"] = Table.stacked((*axes, "moment_arm_mm"), parts)
         data = xarray.Dataset()
         for name, table in tables.items():
             cube = table.to_frame().set_index([axis for axis in axes if axis in table])
@@ -378,7 +367,7 @@ def _listed(values: Sequence[float]) -> str:
 
 
 def time_label(motion: RigidMotion) -> str:
-    """Return the label of a motion's times: a coordinate with its unit where they are one, else "time"."""
+    """Return the label of a motion's times. A coordinate with its unit where they are one, else "time"."""
     for name, one in motion.coordinates.items():
         if np.array_equal(one.values, motion.times):
             return label_of(name, one.unit)

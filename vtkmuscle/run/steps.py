@@ -49,7 +49,7 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
     store = None if out is None else ResultWriter(out, scene, numbers)
     run, tracks = SceneRun(scene, numbers, store, options), Tracks()
     if store is not None and not options.fresh:
-        tracks = store.kept()
+        tracks = store.finished(store.keys)
     if scene.muscle_contact != "off" and len(tracks) < len(scene.muscles):
         tracks = {}  # the other muscles ask these ones' filters
     with ExitStack() as stack:
@@ -73,7 +73,7 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
                 result = result_of({name: track})
                 _judge_further(scene, result, track, odd)
                 if drawing is not None:
-                    drawing.add(figures_of_muscle(result.plain(), name))
+                    drawing.add(figures_of_muscle(result, name))
 
             _solve(run, tracks, report, pool, jobs, finish)
             result = result_of(tracks)
@@ -81,8 +81,8 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
                 report["moment_arms"] = _refused(result)
             if store is not None:
                 if drawing is not None:
-                    drawing.add([rest_pose_of(result.plain())])
-                _write_tables(store, result)
+                    drawing.add([rest_pose_of(result)])
+                store.write_tables(result)
                 if options.report:
                     before = time.perf_counter()
                     result.write_report(store.path / PAGE)
@@ -114,7 +114,7 @@ def run_only(
     """Compute the lengths, the moment arms or the surfaces of a scene alone.
 
     Lengths and moment arms take the paths alone: no muscle is deformed, no fibre is moved and no frame is
-    measured. Moment arms need levers, lengths do not. Surfaces take the deformer without fibres.
+    measured. Surfaces take the deformer without fibres.
 
     Parameters
     ----------
@@ -124,17 +124,13 @@ def run_only(
         ``"lengths"``, ``"moment_arms"`` or ``"surfaces"``.
     out : path, optional
         Folder for ``lengths.csv``, ``moment_arms.csv`` or a ``NAME.pvd`` per muscle.
-    frames, workers, progress : optional
+    frames, workers, progress, overwrite : optional
         As of :class:`~vtkmuscle.run.RunOptions`.
-    overwrite : bool, optional
-        Whether existing files may be replaced.
 
     Returns
     -------
-    Table
-        A row per muscle, path and frame; lengths and moment arms in mm.
-    dict of str to list of vtkPolyData
-        For surfaces: the muscles in the frames.
+    Table or dict of str to list of vtkPolyData
+        A row per muscle, path and frame [mm]; or the surfaces of muscles in the frames.
 
     Raises
     ------
@@ -270,7 +266,7 @@ def _judge_further(scene: SceneData, result: Result, track: MuscleTrack, odd: Se
             arms = result.moment_arms()
             if name in arms:
                 track.report["moment_arms"] = arms.report(name)
-    muscle = Judged(name, scene, track, arms.get(name, {}), result.lengths.get(name))
+    muscle = Judged(name, scene, track, arms.get(name, {}))
     reasons, missing = further_reasons(muscle, odd), missing_checks(muscle)
     track.report["verdict"] = with_reasons(track.report["verdict"], reasons, missing)
 
@@ -281,15 +277,6 @@ def _refused(result: Result) -> dict[str, Any]:
         return {"refused": result.moment_arms().refused}
     except ValueError as error:
         return {"reason": str(error)}
-
-
-def _write_tables(store: ResultWriter, result: Result) -> None:
-    """Write the tables of a result and of fibre measures."""
-    for name, table in result.tables().items():
-        if name == "fibre_lengths" or len(table["muscle"]):
-            store.write_table(name, table)
-    for name, table in result.fibre_tables():
-        store.write_table(f"{name}_fibres", table)
 
 
 def _result(run: SceneRun, report: dict[str, Any], drawn_bones: DrawnBones, tracks: Tracks) -> Result:
@@ -332,5 +319,5 @@ def _reported(
             with suppress(OSError, InputError):  # the disk may have failed; the first error says more
                 store.write_report(report)  # first: tables without a report would be a user's files
                 if tracks:
-                    _write_tables(store, result_of(tracks))
+                    store.write_tables(result_of(tracks))
         raise

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from importlib import import_module
-from itertools import islice
+from itertools import chain, islice
 from os import PathLike
 from pathlib import Path
 from typing import Any, Self
@@ -19,19 +18,12 @@ from vtkmuscle.core.fibres.measures import root_mean_square
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.io.writing import plain_cell, replacing
+from vtkmuscle.data import toml_table
+from vtkmuscle.io.csv_table import write_rows
+from vtkmuscle.io.writing import plain_cell
 
-#: Columns of the tables of lengths: a row per muscle, fibre and frame. A path has the number of its fibre.
-#: ``mean_error_mm`` is of the mean over the paths; fibres lack it.
-LENGTHS = ("muscle", "fibre", "frame", "time", "length_mm", "mean_error_mm")
-#: Columns of the table of moment arms: a row per muscle, coordinate, fibre and value of the coordinate.
-#: ``slope_mm`` is -dl/dq by differences.
-ARMS = ("muscle", "coordinate", "unit", "fibre", "value", "moment_arm_mm", "slope_mm", "quartic_mm")
-#: Columns of its summary: a row per muscle, coordinate and value.
-SUMMARY = (
-    *("muscle", "coordinate", "unit", "value"),
-    *("mean_mm", "slope_mean_mm", "min_mm", "max_mm", "quartic_mean_mm", "error_mm"),
-)
+#: Columns of tables by name.
+COLUMNS = toml_table("vtkmuscle.run", "measures.toml")["tables"]
 
 #: Most rows of a table in a cell, as pandas shows 60: a cell's height on a screen.
 MOST_ROWS = 20
@@ -138,11 +130,9 @@ class Table(Mapping[str, NDArray[Any]]):
         digits : int, optional
             Digits of fractional numbers; None for as many as keep every bit.
         """
-        with replacing(Path(path)) as partial, partial.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(map(plain_cell, self))
-            for part in self._parts:
-                writer.writerows(zip(*(_cells(column.ravel(), digits) for column in part), strict=True))
+        columns = ([_cells(column.ravel(), digits) for column in part] for part in self._parts)
+        rows = (zip(*cells, strict=True) for cells in columns)
+        write_rows(Path(path), chain([map(plain_cell, self)], *rows))
         return Path(path)
 
     def to_frame(self) -> Any:
@@ -183,7 +173,7 @@ class MomentArmTable(dict[str, dict[str, JointArms]]):
         return "\n".join([title, *lines] if lines else ["MomentArmTable: empty"])
 
     def table(self) -> Table:
-        """Return the whole table, with the columns :data:`ARMS`. NaN without a quartic."""
+        """Return the whole table, with the columns of moment_arms.csv. NaN without a quartic."""
         parts = (
             {
                 **labels,
@@ -194,7 +184,7 @@ class MomentArmTable(dict[str, dict[str, JointArms]]):
             }
             for labels, one in self.labelled()
         )
-        return Table.stacked(ARMS, parts)
+        return Table.stacked(COLUMNS["moment_arms"], parts)
 
     def summary(self) -> Table:
         """Return mean, range and error of the mean per muscle, coordinate and value."""
@@ -210,7 +200,7 @@ class MomentArmTable(dict[str, dict[str, JointArms]]):
             }
             for labels, one in self.labelled()
         )
-        return Table.stacked(SUMMARY, parts)
+        return Table.stacked(COLUMNS["moment_arms_summary"], parts)
 
     def report(self, muscle: str) -> dict[str, Any]:
         """Return range and mean of a muscle's moment arms. By coordinate, JSON-able."""
@@ -248,27 +238,6 @@ def optional_package(name: str, use: str, brought_by: str = "") -> Any:
 def error_sizes(errors: Mapping[str, Floats]) -> dict[str, float | None]:
     """Return root mean squares over the frames of an error and its parts."""
     return {f"{part}_mm": root_mean_square(values) for part, values in errors.items()}
-
-
-def length_table(
-    lengths: Mapping[str, Floats],
-    frames: Sequence[int],
-    times: Sequence[float],
-    errors: Mapping[str, Mapping[str, Floats]] | None = None,
-) -> Table:
-    """Return the table of lengths (f, k) per muscle, in the first f frames, with errors of means [mm]."""
-    parts = (
-        {
-            "muscle": name,
-            "fibre": np.arange(one.shape[1])[:, None],
-            "frame": frames[: len(one)],
-            "time": times[: len(one)],
-            "length_mm": one.T,
-            "mean_error_mm": np.nan if errors is None else errors[name]["total"],
-        }
-        for name, one in lengths.items()
-    )
-    return Table.stacked(LENGTHS[:-1] if errors is None else LENGTHS, parts)
 
 
 def _cells(column: NDArray[Any], digits: int | None) -> Iterable[Any]:

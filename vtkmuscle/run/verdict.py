@@ -75,41 +75,27 @@ class Reason:
         return f"{self.verdict}, frame {self.frame} (time {self.time:g}): {self.says}{beyond}; {self.do}"
 
 
-@dataclass(frozen=True, eq=False)
-class FibreHistory:
-    """A muscle's fibre lengths (f, k) over the frames and at rest (k,) [mm].
-
-    ``at_rest`` is the result of :func:`~vtkmuscle.run.report_values.fibres_at_rest`, ``paths`` the lengths of
-    the paths (f, k) [mm].
-    """
-
-    lengths: Floats
-    rest_lengths: Floats
-    at_rest: Mapping[str, Any] | None = None
-    paths: Floats | None = None
-
-
 def judge(
-    rows: Sequence[Mapping[str, Any]],
-    fibres: FibreHistory | None = None,
+    track: MuscleTrack,
+    rest_lengths: Floats | None = None,
     *,
     motion: RigidMotion | None = None,
     n_edges: int = 1,
     size: float = FULL_SIZE,
-    failure: tuple[int, float, Exception] | None = None,
 ) -> dict[str, Any]:
-    """Return the verdict on a muscle from report rows, a row per frame.
+    """Return the verdict on a muscle from the rows of its report and its lengths.
 
-    ``motion`` is at the times of the rows (lengths may turn back where it turns back), ``n_edges`` of the
-    surface, ``size`` the cube root of the muscle's volume at rest [mm], and ``failure`` the frame and time
-    that could not be computed, and why. JSON-able: ``verdict``, the worst of the ``reasons``; ``reasons``,
-    :class:`Reason` as mappings, the worst first; and ``not_checked``, the omitted checks with reasons.
+    ``rest_lengths`` (k,) are of fibres [mm], ``motion`` is at the times of the rows (lengths may turn
+    back where it does), ``n_edges`` of the surface, and ``size`` the cube root of the volume at rest
+    [mm]. JSON-able: ``verdict``, the worst of the ``reasons``; ``reasons``, :class:`Reason` as mappings, the
+    worst first; and ``not_checked``, the omitted checks with reasons.
     """
-    values, missing = _series(rows, fibres, motion, n_edges)
+    rows = track.report["frames"]
+    values, missing = _series(track, rest_lengths, motion, n_edges)
     found = (_reason(name, series, rows, size / FULL_SIZE) for name, series in values.items())
     reasons = [reason for reason in found if reason is not None]
-    if failure is not None:
-        frame, time, why = failure
+    if track.failure is not None:
+        frame, time, why = track.failure
         problem, remedy = fault_of(why, placed=True)
         words = f"the frame could not be computed: {problem}", remedy or "check the frame before"
         reasons.append(Reason("computed", FAILED, frame, time, 0.0, 0.0, "", *words))
@@ -135,9 +121,10 @@ def reasons_of(verdict: Mapping[str, Any]) -> list[Reason]:
 
 
 def _series(
-    rows: Sequence[Mapping[str, Any]], fibres: FibreHistory | None, motion: RigidMotion | None, n_edges: int
+    track: MuscleTrack, rest_lengths: Floats | None, motion: RigidMotion | None, n_edges: int
 ) -> tuple[dict[str, Floats], dict[str, str]]:
-    """Return the values of each check, a value per row."""
+    """Return the values of each check, a value per row, and the checks without values."""
+    rows = track.report["frames"]
 
     def column(name: str) -> Floats:
         found = [row.get(name) for row in rows]
@@ -149,26 +136,26 @@ def _series(
     values["folded"] /= n_edges
     values["unsettled"] *= column("unsettled").sum() / max(len(rows), 1)
     missing = {"penetration": "no bone has an inside", "widespread penetration": "no bone has an inside"}
-    if fibres is None or not len(fibres.lengths):
+    if rest_lengths is None or not track.fibre_lengths:
         needing = (name for name, check in CHECKS.items() if check.of_fibres or check.at_rest)
         missing |= dict.fromkeys(needing, "the muscle has no fibres")
     else:
-        ratios = fibres.lengths / np.maximum(fibres.rest_lengths, 1e-12)
+        lengths, at_rest = np.array(track.fibre_lengths), track.report.get("fibres", {})
+        ratios = lengths / np.maximum(rest_lengths, 1e-12)
         values["long fibres"] = np.percentile(ratios, 95, axis=1)
         values["short fibres"] = np.percentile(ratios, 5, axis=1)
-        if fibres.paths is not None:  # the first frame may be bent at rest, as its fibres are
-            ratio = fibres.lengths.mean(axis=1) / fibres.paths.mean(axis=1)
+        if track.lengths:  # the first frame may be bent at rest, as its fibres are
+            ratio = lengths.mean(axis=1) / np.array(track.lengths).mean(axis=1)
             values["fibres and paths"] = 100.0 * np.abs(ratio / ratio[0] - 1.0)
         times = np.array([row["time"] for row in rows], dtype=np.float64)
         of_motion = () if motion is None else (even_stretches(motion), largest_turns(motion))
-        jumps = length_jumps(fibres.lengths, times, *of_motion)
+        jumps = length_jumps(lengths, times, *of_motion)
         for name, share in (("jumps", 100), ("widespread jumps", 95)):
             values[name] = np.zeros(len(times))
             values[name][1:] = np.percentile(jumps, share, axis=1) if len(jumps) else 0.0
-    if fibres is not None and fibres.at_rest is not None:  # the same in all frames: the first is named
-        for name, check in CHECKS.items():
-            if check.at_rest:
-                values[name] = np.full(len(rows), check.factor * fibres.at_rest[check.column])
+        for name, check in CHECKS.items():  # the same in all frames: the first is named
+            if check.at_rest and at_rest:
+                values[name] = np.full(len(rows), check.factor * at_rest[check.column])
     values = {name: series for name, series in values.items() if not np.isnan(series).all()}
     return values, {name: missing.get(name, "not measured") for name in CHECKS if name not in values}
 
@@ -207,13 +194,12 @@ MARGIN = 15.0
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A muscle with all that is known of its results. Lengths of paths are per frame and path [mm]."""
+    """A muscle of a scene with its results."""
 
     name: str
     scene: SceneData
     track: MuscleTrack
     arms: Mapping[str, JointArms]
-    lengths: Floats | None
 
     @property
     def anatomical(self) -> str:
@@ -292,9 +278,9 @@ def _fascicles(muscle: Judged) -> Iterator[Reason]:
 def _arms(muscle: Judged, arms: JointArms) -> Iterator[Reason]:
     """Yield moment arms longer than the muscle, or outside of what is published, at the worst value."""
     mean, frames = arms.mean, arms.frames.tolist()
-    if arms.unit not in ANGLES or muscle.lengths is None or not np.isfinite(mean).any():
+    if arms.unit not in ANGLES or not np.isfinite(mean).any():
         return
-    longer = np.nan_to_num(np.abs(mean) / muscle.lengths[frames].mean(axis=1))
+    longer = np.nan_to_num(np.abs(mean) / np.mean(muscle.track.lengths, axis=1)[frames])
     worst = int(longer.argmax())
     if longer[worst] > 1.0:
         says = f"the moment arm by {arms.coordinate} is {mean[worst]:.3g} mm, longer than the muscle"

@@ -17,7 +17,7 @@ from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, points_of
 from vtkmuscle.data.attachments import VIA, AttachmentArea
 from vtkmuscle.data.paths import checked_superficial
-from vtkmuscle.scene.data import Faults, Muscle, SceneData, errors_at
+from vtkmuscle.scene.data import Faults, Muscle, SceneData, errors_at, words_of
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scene.writing import tables_of
 
@@ -28,7 +28,7 @@ _LARGEST = 1e60
 
 
 def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]]:
-    """Return a scene's checked bones and muscles, muscles facing outward; SceneError for all faults."""
+    """Return a scene's checked bones and muscles, muscles facing outward. SceneError for all faults."""
     validated(tables_of(scene), scene.files.get(""))
     faults, muscles = Faults(), {}
     again = "correct the points, or export the surface again"
@@ -76,26 +76,17 @@ def _arrays(surface: vtkPolyData) -> tuple[Floats, Ints]:
 def closed_surface(surface: vtkPolyData) -> tuple[vtkPolyData, bool]:
     """Return a closed muscle surface facing outward, and whether it was turned."""
     report = survey(*_arrays(surface))
-    problem = remedy = ""
-    if not report.closed:
-        problem = f"the surface is open: {report.n_boundary_edges} edges belong to one triangle only"
-        remedy = "fill the holes (pyvista: mesh.fill_holes(size)), or merge points (mesh.clean())"
-    elif not report.manifold:
-        problem = f"it is not manifold: {report.n_nonmanifold_edges} edges have more than two triangles"
-        remedy = "delete the extra triangles, e.g. with MeshLab's 'repair non manifold edges'"
-    elif not report.oriented:
-        problem = f"neighbouring triangles face opposite sides at {report.n_misoriented_edges} edges"
-        remedy = "orient the triangles alike (pyvista: mesh.compute_normals(consistent_normals=True))"
-    elif report.volume == 0:
-        problem, remedy = "the surface has no volume", "export the surface again"
-    elif report.n_components > 1:
-        problem = f"the surface falls into {report.n_components} separate pieces"
-        remedy = "keep the largest (pyvista: mesh.extract_largest()), or make each piece a muscle"
-    elif report.n_unused_points > 0:
-        problem = f"{report.n_unused_points} points belong to no triangle"
-        remedy = "remove unused points (pyvista: mesh.clean())"
-    if problem:
-        raise InputError("", problem, remedy)
+    faults = {
+        "open": not report.closed,
+        "not_manifold": not report.manifold,
+        "not_oriented": not report.oriented,
+        "flat": report.volume == 0,
+        "pieces": report.n_components > 1,
+        "unused_points": report.n_unused_points > 0,
+    }
+    for fault, present in faults.items():
+        if present:
+            raise InputError("", *words_of(fault, report=report))
     return (surface, False) if report.volume > 0 else (turned_over(surface), True)
 
 
@@ -111,10 +102,9 @@ def turned_over(surface: vtkPolyData) -> vtkPolyData:
 def _check_area(area: AttachmentArea, surface: vtkPolyData, units: str) -> None:
     landmarks = np.asarray(area.landmarks, dtype=np.float64)
     if landmarks.ndim != 2 or landmarks.shape[1] != 3 or not np.isfinite(landmarks).all():
-        raise InputError("", "the landmarks are not finite points x, y, z", "correct the landmarks")
+        raise InputError("", *words_of("landmarks"))
     if len(landmarks) < (fewest := 3 if area.closed else 1):
-        problem = f"there are {len(landmarks)} landmarks, but a ring needs {fewest}"
-        raise InputError("", problem, "add landmarks")
+        raise InputError("", *words_of("few_landmarks", count=len(landmarks), fewest=fewest))
     points, triangles = checked_surface(surface, "")
     _check_distance("the landmarks are", landmarks, points, units)
     if area.role != VIA:
@@ -122,8 +112,7 @@ def _check_area(area: AttachmentArea, surface: vtkPolyData, units: str) -> None:
     ring = via_ring(landmarks)
     if not passes_through(ring, points, triangles):
         gap = np.linalg.norm(points - ring.centre, axis=1).min()
-        problem = f"the muscle does not pass through the via ring; the centre is {gap:.4g} {units} from it"
-        raise InputError("", problem, "digitise the ring round the muscle, in the same unit and frame")
+        raise InputError("", *words_of("beside_ring", gap=gap, units=units))
 
 
 def _check_distance(subject: str, positions: Floats, points: Floats, units: str) -> None:
@@ -132,5 +121,5 @@ def _check_distance(subject: str, positions: Floats, points: Floats, units: str)
     gaps = np.linalg.norm(np.maximum(np.maximum(lowest - positions, positions - highest), 0), axis=1)
     diagonal = np.linalg.norm(highest - lowest)
     if gaps.min() > _FARTHEST_LANDMARKS * diagonal:
-        problem = f"{subject} {gaps.min():.4g} {units} away from the muscle of {diagonal:.4g} {units}"
-        raise InputError("", problem, "check muscle, unit and frame")
+        sizes = {"gap": gaps.min(), "size": diagonal, "units": units}
+        raise InputError("", *words_of("away", subject=subject, **sizes))

@@ -16,6 +16,7 @@ from vtkmuscle.core.errors import MOST_TEXT, InputError, check_is_file, fault_of
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.core.words import quoted
+from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import checked_surface, multiblock_from
 from vtkmuscle.data.attachments import (
     Aponeurosis,
@@ -58,7 +59,7 @@ class Muscle:
     aponeuroses : sequence of Aponeurosis, or vtkMultiBlockDataSet
         End surfaces of fibres, on or within the muscle, at rest; without any, the attachment areas.
     hill : mapping of str to float
-        Hill's parameters, by the names of :class:`~vtkmuscle.scene.schema_types.Hill`; exports write them.
+        Hill's parameters, by the names of :class:`~vtkmuscle.scene.schema.Hill`; exports write them.
     muscle : str
         Name of the muscle in anatomy, for published numbers; by default the name in the scene.
     """
@@ -165,15 +166,18 @@ class Anatomy:
         return cls(bones, {name: RestSurface(*surface) for name, surface in surfaces.items()})
 
     @property
-    def surfaces(self) -> dict[str, Bone | RestSurface]:
-        """All surfaces, by their keys in a scene."""
-        bones: dict[str, Bone | RestSurface] = {f"bones.{name}.surface": b for name, b in self.bones.items()}
-        return bones | {f"muscles.{name}.surface": muscle for name, muscle in self.muscles.items()}
-
-    @property
     def solid_bones(self) -> dict[str, Bone]:
         """Bones with an inside, holes closed."""
         return {name: bone for name, bone in self.bones.items() if bone.solids.trees}
+
+
+_WORDS = toml_table("vtkmuscle.scene", "faults.toml")
+
+
+def words_of(fault: str, **values: object) -> tuple[str, str]:
+    """Return the problem and the remedy of a fault in words."""
+    problem, remedy = (words.format(**values) for words in _WORDS[fault])
+    return problem, remedy
 
 
 class SceneError(InputError):
@@ -278,10 +282,10 @@ def parsed(path: Path) -> dict[str, Any]:
 
 
 class SceneFiles:
-    """Paths of a scene's files by dotted key; texts are relative to the scene file's folder."""
+    """Paths of a scene's files by dotted key, relative to the scene file, and faults of the files."""
 
     def __init__(self, path: Path) -> None:
-        self.paths = {"": path}
+        self.paths, self.faults = {"": path}, Faults()
 
     def read(self, key: str, text: str, reader: Callable[[Path], T]) -> T:
         """Read the file of a key by a reader; SceneError if unreadable."""
@@ -289,3 +293,11 @@ class SceneFiles:
         self.paths[key] = path
         with errors_at(key, path, f"check {key.rpartition('.')[2]} = {text!r} and the file it names"):
             return reader(path)
+
+    def tried(self, key: str, text: str | None, reader: Callable[[Path], T]) -> T | None:
+        """Read as :meth:`read`, if there is a text. Gather the fault of an unreadable file."""
+        content = None
+        if text is not None:
+            with self.faults.gathered():
+                content = self.read(key, text, reader)
+        return content

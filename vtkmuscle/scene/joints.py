@@ -22,12 +22,11 @@ from vtkmuscle.joints import grid_of, steps_of
 from vtkmuscle.joints.functions import IDENTITY, CoordinateFunction, CubicSpline, Polynomial
 from vtkmuscle.joints.osim import read_motion_file, read_tree
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.scene import schema
 from vtkmuscle.scene.data import MILLIMETRES, Faults, SceneError, SceneFiles, errors_at
-from vtkmuscle.scene.schema import ALONE, MOST_FRAMES, Motion, SceneTable
-from vtkmuscle.scene.schema_types import Axis, Function, JointTable, OpenSimTable
 
 
-def motion_from(scene: SceneTable, files: SceneFiles, joints: SceneJoints | None) -> RigidMotion:
+def motion_from(scene: schema.SceneTable, files: SceneFiles, joints: SceneJoints | None) -> RigidMotion:
     """Return a scene's motion; SceneError for unreadable or inconsistent tables."""
     table = scene.motion
     if joints is not None:
@@ -38,16 +37,16 @@ def motion_from(scene: SceneTable, files: SceneFiles, joints: SceneJoints | None
     if table.coordinates is not None:
         columns = {name: kind.model_dump(exclude_unset=True) for name, kind in table.coordinates.items()}
     centres, transforms = table.centre or {}, table.transforms or {}
-    if ALONE in transforms:
+    if schema.ALONE in transforms:
         bone = str(table.bone)
-        centre = centres.get(ALONE, centres.get(bone))
+        centre = centres.get(schema.ALONE, centres.get(bone))
         read = partial(read_motion_table, bone=bone, time=table.time, centre=centre, coordinates=columns)
-        return files.read("motion.transforms", transforms[ALONE], read)
+        return files.read("motion.transforms", transforms[schema.ALONE], read)
     return _of_several(table, columns, files)
 
 
 def _of_several(
-    table: Motion, columns: Mapping[str, Mapping[str, str]] | None, files: SceneFiles
+    table: schema.Motion, columns: Mapping[str, Mapping[str, str]] | None, files: SceneFiles
 ) -> RigidMotion:
     """Return the motion of bones with a table each."""
     motions: list[RigidMotion] = []
@@ -58,7 +57,7 @@ def _of_several(
         present = motion_columns(path)
         seen.update(present)
         own = columns and {name: kind for name, kind in columns.items() if name in present}
-        centre = centres.get(ALONE, centres.get(bone))
+        centre = centres.get(schema.ALONE, centres.get(bone))
         return read_motion_table(path, bone, time=table.time, centre=centre, coordinates=own)
 
     for bone, text in (table.transforms or {}).items():
@@ -93,7 +92,7 @@ _STEP = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class SceneJoints:
-    """A scene's kinematic tree and bodies of bones; ``frame`` has the scene's frame, ``fixed`` rests."""
+    """A scene's kinematic tree and bodies of bones. ``frame`` has the scene's frame, ``fixed`` rests."""
 
     tree: KinematicTree
     bodies: dict[str, str]
@@ -104,7 +103,7 @@ class SceneJoints:
         """Return the free coordinates that move bones relative to each other."""
         return self.tree.crossed([self.bodies[bone] for bone in bones])
 
-    def motion(self, table: SceneTable, files: SceneFiles) -> RigidMotion:
+    def motion(self, table: schema.SceneTable, files: SceneFiles) -> RigidMotion:
         """Return the bones' motion by the scene's file or grid of coordinates."""
         times, values = coordinate_values(table, self.tree, files)
         key = _key(table)
@@ -123,11 +122,10 @@ class SceneJoints:
         Moment arms are defined for `coordinates`; by default for all coordinates with values that move a bone
         relative to another bone or the fixed body. Angles of the motion are in degrees.
         """
-        tree = self.tree
-        free = tree.crossed([*self.bodies.values(), self.fixed])
-        chosen = [name for name in free if name in values] if coordinates is None else coordinates
-        full = tree.completed(values)
-        kinds = {name: tree.coordinate(name) for name in chosen}
+        tree, full = self.tree, self.tree.completed(values)
+        if coordinates is None:
+            crossed = tree.crossed([*self.bodies.values(), self.fixed])
+            coordinates = [name for name in crossed if name in values]
         rest = tree.poses({})
         placed = rest[self.frame][0]
         back = inverses(placed[None])[0]
@@ -141,34 +139,32 @@ class SceneJoints:
                 for bone, body in self.bodies.items()
             }
 
-        joints = {joint.child: joint for joint in tree.joints}
+        def coordinate(name: str) -> Coordinate:
+            """Return a coordinate with each bone's twist per radian or millimetre."""
+            kind, twists = tree.coordinate(name), None
+            if name in tree.free:
+                own = {free: full[free] for free in tree.free}
+                low, high = (moved({**own, name: own[name] + step}) for step in (-_STEP, _STEP))
+                step = 2.0 * _STEP * (1.0 if kind.is_angle else TRANSLATIONS[kind.unit])
+                twists = {bone: screws(high[bone] @ inverses(low[bone])) / step for bone in self.bodies}
+            if kind.is_angle:
+                return Coordinate(np.degrees(full[name]), "deg", kind.positive, twists)
+            return Coordinate(full[name], kind.unit, kind.positive, twists)
+
         negligible = 1e-12 * max(1.0, float(np.abs(placed[:3, 3]).max()))
-        every = moved(full)
-        moving = [bone for bone in every if np.abs(every[bone] - np.eye(4)).max() > negligible]
-        transforms, centres = {bone: every[bone] for bone in moving}, {}
-        for bone, body in ((bone, self.bodies[bone]) for bone in moving if self.bodies[bone] in joints):
-            centres[bone] = (back @ rest[body][0] @ joints[body].child_frame)[:3, 3]
-        own = {name: full[name] for name in tree.free}
-
-        def twists(name: str, factor: float) -> dict[str, Floats] | None:
-            """Return each bone's twist per radian or millimetre."""
-            if name not in own:
-                return None
-            low, high = (moved({**own, name: own[name] + step}) for step in (-_STEP, _STEP))
-            step = 2.0 * _STEP * factor
-            return {bone: screws(high[bone] @ inverses(low[bone])) / step for bone in self.bodies}
-
-        coordinates_of_motion = {
-            name: Coordinate(np.degrees(full[name]), "deg", kind.positive, twists(name, 1.0))
-            if kind.is_angle
-            else Coordinate(full[name], kind.unit, kind.positive, twists(name, TRANSLATIONS[kind.unit]))
-            for name, kind in kinds.items()
+        poses = moved(full).items()
+        moving = {bone: table for bone, table in poses if np.abs(table - np.eye(4)).max() > negligible}
+        joints = {joint.child: joint for joint in tree.joints}
+        centres = {
+            bone: (back @ rest[body][0] @ joints[body].child_frame)[:3, 3]
+            for bone, body in self.bodies.items()
+            if bone in moving and body in joints
         }
-        return RigidMotion(times, transforms, centres, coordinates_of_motion)
+        return RigidMotion(times, moving, centres, {name: coordinate(name) for name in coordinates})
 
 
-def joints_of(table: SceneTable, files: SceneFiles) -> SceneJoints | None:
-    """Return a scene's joints, None without joints; SceneError if the joints form no tree."""
+def joints_of(table: schema.SceneTable, files: SceneFiles) -> SceneJoints | None:
+    """Return a scene's joints, None without joints. SceneError if the joints form no tree."""
     if table.opensim is not None:
         return _of_opensim(table.opensim, table, files)
     if not table.joints:
@@ -236,7 +232,7 @@ def pin_joint_of(
 
 
 def coordinate_values(
-    table: SceneTable, tree: KinematicTree, files: SceneFiles
+    table: schema.SceneTable, tree: KinematicTree, files: SceneFiles
 ) -> tuple[Floats, dict[str, Floats]]:
     """Return times (f,) and coordinate values (f,) of a scene's motion."""
     motion, key = table.motion, _key(table)
@@ -253,14 +249,14 @@ def coordinate_values(
         if name not in tree.free:
             raise SceneError(f"{name!r} follows another coordinate", f"{key}.{name}", "remove the key", where)
     count = int(np.prod([len(column) for column in grid.values()]))
-    if count > MOST_FRAMES:
+    if count > schema.MOST_FRAMES:
         raise SceneError(f"the grid has {count} poses", key, "choose larger steps", where)
     values = grid_of({name: column * _unit(tree, name) for name, column in grid.items()})
     times = next(iter(grid.values())) if len(grid) == 1 else np.arange(float(count))
     return times, values
 
 
-def _key(table: SceneTable) -> str:
+def _key(table: schema.SceneTable) -> str:
     return "motion.file" if table.motion.file is not None else "motion.grid"
 
 
@@ -282,7 +278,7 @@ def _warn_of_ranges(values: Mapping[str, Floats], tree: KinematicTree, key: str,
             warnings.warn(words, stacklevel=4)
 
 
-def _of_opensim(table: OpenSimTable, scene: SceneTable, files: SceneFiles) -> SceneJoints:
+def _of_opensim(table: schema.OpenSimTable, scene: schema.SceneTable, files: SceneFiles) -> SceneJoints:
     tree = files.read("opensim.model", table.model, read_tree)
     where = files.paths[""]
     body_names = table.bodies or {}
@@ -303,7 +299,7 @@ def _of_opensim(table: OpenSimTable, scene: SceneTable, files: SceneFiles) -> Sc
     return SceneJoints(tree, bodies, frame, fixed)
 
 
-def _factors(joints: Mapping[str, JointTable]) -> dict[str, float]:
+def _factors(joints: Mapping[str, schema.JointTable]) -> dict[str, float]:
     """Return radians per degree for angles, 1 for pure translations."""
     factors: dict[str, float] = {}
     for joint in joints.values():
@@ -313,7 +309,7 @@ def _factors(joints: Mapping[str, JointTable]) -> dict[str, float]:
     return factors
 
 
-def _joint(name: str, joint: JointTable, factors: Mapping[str, float]) -> Joint:
+def _joint(name: str, joint: schema.JointTable, factors: Mapping[str, float]) -> Joint:
     frame = frame_at(joint.centre or (0.0, 0.0, 0.0))
     names = list(joint.coordinates or {})
     rotations: list[JointAxis] = []
@@ -325,12 +321,12 @@ def _joint(name: str, joint: JointTable, factors: Mapping[str, float]) -> Joint:
     return Joint(name, joint.parent, joint.child, rotations, translations, frame, frame, joint.type)
 
 
-def _axis(axis: Axis, factors: Mapping[str, float], result: float) -> JointAxis:
+def _axis(axis: schema.Axis, factors: Mapping[str, float], result: float) -> JointAxis:
     function = _function(axis).rescaled(factors[axis.coordinate], result)
     return JointAxis(np.array(axis.axis), function, axis.coordinate)
 
 
-def _function(table: Function) -> CoordinateFunction:
+def _function(table: schema.Function) -> CoordinateFunction:
     """Return a function of a scene, in the scene's units."""
     if table.spline is not None:
         return CubicSpline(np.array(table.spline.x), np.array(table.spline.y))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -23,8 +23,8 @@ from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.attachments import ROLES, SIDES, VIA, Aponeurosis, AttachmentArea
 from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
 from vtkmuscle.scene.checks import turned_over
-from vtkmuscle.scene.data import MILLIMETRES, Faults, Muscle, SceneError, SceneFiles, errors_at, parsed
-from vtkmuscle.scene.joints import joints_of, motion_from
+from vtkmuscle.scene.data import MILLIMETRES, Muscle, SceneError, SceneFiles, errors_at, parsed
+from vtkmuscle.scene.joints import SceneJoints, joints_of, motion_from
 from vtkmuscle.scene.schema import Aponeuroses, Area, Estimate, SceneTable
 from vtkmuscle.scene.validation import validated
 
@@ -35,22 +35,18 @@ NEXT_TO, ROUND = 1.5, 0.15
 
 def read_fields(path: Path) -> dict[str, Any]:
     """Return the fields of a scene.toml; see :meth:`vtkmuscle.Scene.load`."""
-    table = validated(parsed(path), path)
-    files, faults = SceneFiles(path), Faults()
-    bones: dict[str, vtkPolyData] = {}
-    muscles: dict[str, Muscle] = {}
-    motion = crossed = None
-    for name, bone in table.bones.items():
-        with faults.gathered():
-            bones[name] = files.read(f"bones.{name}.surface", bone.surface, io.read_surface)
-    with faults.gathered():
+    table, files = validated(parsed(path), path), SceneFiles(path)
+    bones = {
+        name: surface
+        for name, bone in table.bones.items()
+        if (surface := files.tried(f"bones.{name}.surface", bone.surface, io.read_surface)) is not None
+    }
+    joints = motion = None
+    with files.faults.gathered():
         joints = joints_of(table, files)
         motion = motion_from(table, files, joints)
-        crossed = None if joints is None else joints.crossed
-    for name in table.muscles:
-        with faults.gathered():
-            muscles[name] = _muscle(name, table, files, bones, motion, crossed)
-    faults.raise_any()
+    muscles = {name: _muscle(name, table, files, bones, motion, joints) for name in table.muscles}
+    files.faults.raise_any()
     same = ("units", "muscle_contact", "deformer", "quality", "frame", "guessed")
     fields = {
         **{key: getattr(table, key) for key in same},
@@ -78,67 +74,65 @@ def _muscle(
     files: SceneFiles,
     bones: dict[str, vtkPolyData],
     motion: RigidMotion | None,
-    crossed: Callable[[Iterable[str]], tuple[str, ...]] | None,
-) -> Muscle:
-    """Read the files of a muscle."""
-    key, table, faults = f"muscles.{name}", scene.muscles[name], Faults()
+    joints: SceneJoints | None,
+) -> Muscle | None:
+    """Read the files of a muscle; None after a fault of any file."""
+    key, table, faults = f"muscles.{name}", scene.muscles[name], files.faults
+    areas = _areas(key, table.attachments, files, scene)
+    surface = files.tried(f"{key}.surface", table.surface, io.read_surface)
+    if isinstance(table.attachments, Estimate) and surface is not None and motion is not None:
+        with faults.gathered(), errors_at(f"{key}.attachments", files.paths[""]):
+            tables = motion.transforms
+            chains = {bone: [tables[bone].tobytes()] if bone in tables else [] for bone in bones}
+            within, named = NEAR / MILLIMETRES[scene.units], zip(ROLES, table.attachments.bones, strict=False)
+            areas = areas_in_contact(surface, bones, chains, within=within, **dict(named))
+    sheets = [] if table.aponeuroses is None else _aponeuroses(key, table.aponeuroses, files, scene)
     fibres = None if table.fibres is None else table.fibres.given()
-    estimated = isinstance(table.attachments, Estimate)
-    fields: dict[str, Any] = {
-        "attachments": [] if estimated else _areas(key, table.attachments, files, faults, scene),
-        "fibres": fibres,
-        "solver": table.solver.given(),
-        "fixing": table.fixing.given(),
-        "hill": {} if table.hill is None else table.hill.model_dump(exclude_none=True),
-        "muscle": table.muscle or "",
-    }
-    with faults.gathered():
-        fields["surface"] = files.read(f"{key}.surface", table.surface, io.read_surface)
-        if isinstance(table.attachments, Estimate) and motion is not None:
-            with errors_at(f"{key}.attachments", files.paths[""]):
-                within, named = NEAR / MILLIMETRES[scene.units], table.attachments.bones
-                fields["attachments"] = _estimated(named, fields["surface"], bones, motion, within)
-    if table.aponeuroses is not None:
-        fields["aponeuroses"] = _aponeuroses(key, table.aponeuroses, files, faults, scene)
     if fibres is not None and fibres.get("template_file") is not None:
-        with faults.gathered():
-            where = f"{key}.fibres.template_file"
-            files.read(where, fibres["template_file"], read_template)
-            fibres["template_file"] = str(files.paths[where].resolve())  # valid from any folder
-    own_literature: Callable[[Path], Any] = partial(_literature, muscle=name)
-    for entry, reader in (("superficial_fibres", io.read_polydata), ("literature", own_literature)):
-        if (text := getattr(table, entry)) is not None:
-            with faults.gathered():
-                fields[entry] = files.read(f"{key}.{entry}", text, reader)
-    if table.crosses is not None:
-        fields["crosses"] = tuple(table.crosses)
-        coordinates = table.crosses if motion is None else motion.coordinates
-        for missing in (name for name in table.crosses if name not in coordinates):
-            problem, remedy = f"the motion has no coordinate {missing!r}", suggestion(missing, coordinates)
-            faults.errors.append(SceneError(problem, f"{key}.crosses", remedy, files.paths[""]))
-    faults.raise_any()
-    if crossed is not None and table.crosses is None:
-        fields["crosses"] = crossed(area.bone for area in fields["attachments"])
-    return Muscle(**fields)
+        where = f"{key}.fibres.template_file"
+        files.tried(where, fibres["template_file"], read_template)
+        fibres["template_file"] = str(files.paths[where].resolve())  # valid from any folder
+    lines = files.tried(f"{key}.superficial_fibres", table.superficial_fibres, io.read_polydata)
+    published = files.tried(f"{key}.literature", table.literature, partial(_literature, muscle=name))
+    coordinates = (table.crosses or ()) if motion is None else motion.coordinates
+    for missing in (name for name in table.crosses or () if name not in coordinates):
+        problem, remedy = f"the motion has no coordinate {missing!r}", suggestion(missing, coordinates)
+        faults.errors.append(SceneError(problem, f"{key}.crosses", remedy, files.paths[""]))
+    if surface is None or faults.errors:
+        return None
+    crosses = None if table.crosses is None else tuple(table.crosses)
+    if joints is not None and crosses is None:
+        crosses = joints.crossed(area.bone for area in areas)
+    return Muscle(
+        surface,
+        tuple(areas),
+        fibres,
+        solver=table.solver.given(),
+        fixing=table.fixing.given(),
+        superficial_fibres=lines,
+        literature=published or (),
+        crosses=crosses,
+        hill={} if table.hill is None else table.hill.model_dump(exclude_none=True),
+        aponeuroses=tuple(sheets),
+        muscle=table.muscle or "",
+    )
 
 
-def _areas(
-    key: str, tables: list[Area], files: SceneFiles, faults: Faults, scene: SceneTable
-) -> list[AttachmentArea]:
+def _areas(key: str, tables: list[Area], files: SceneFiles, scene: SceneTable) -> list[AttachmentArea]:
     areas = []
     for number, area in enumerate(tables):
         where = f"{key}.attachments[{number}].landmarks"
-        with faults.gathered():
-            read = partial(io.read_landmarks, frame=scene.frame)
-            landmarks, closed = files.read(where, area.landmarks, read)
-            if area.closed is None and not closed and area.role != VIA and _goes_round(landmarks):
-                problem = "the landmarks surround an area, but are read as an open curve: the file does not "
-                problem += "repeat the first landmark at the end"
-                remedy = "write closed = true for the area within, closed = false for the curve alone"
-                warnings.warn(str(SceneError(problem, where, remedy, files.paths[""])), stacklevel=2)
-            closed = area.role == VIA or (closed if area.closed is None else area.closed)
-            sure = area.estimated, area.confidence
-            areas.append(AttachmentArea(area.role, area.bone, landmarks, closed, *sure))
+        read = files.tried(where, area.landmarks, partial(io.read_landmarks, frame=scene.frame))
+        if read is None:
+            continue
+        landmarks, closed = read
+        if area.closed is None and not closed and area.role != VIA and _goes_round(landmarks):
+            problem = "the landmarks surround an area, but are read as an open curve: the file does not "
+            problem += "repeat the first landmark at the end"
+            remedy = "write closed = true for the area within, closed = false for the curve alone"
+            warnings.warn(str(SceneError(problem, where, remedy, files.paths[""])), stacklevel=2)
+        closed = area.role == VIA or (closed if area.closed is None else area.closed)
+        areas.append(AttachmentArea(area.role, area.bone, landmarks, closed, area.estimated, area.confidence))
     return areas
 
 
@@ -151,17 +145,14 @@ def _goes_round(landmarks: Floats) -> bool:
     return bool(gaps[-1] < NEXT_TO * gaps[:-1].max() and enclosed > ROUND)
 
 
-def _aponeuroses(
-    key: str, table: Aponeuroses, files: SceneFiles, faults: Faults, scene: SceneTable
-) -> list[Aponeurosis]:
+def _aponeuroses(key: str, table: Aponeuroses, files: SceneFiles, scene: SceneTable) -> list[Aponeurosis]:
     sheets = []
     for side in SIDES:
         texts, read = getattr(table, side), partial(io.read_aponeurosis, side=side, frame=scene.frame)
         for number, text in enumerate(texts):
             where = f"{key}.aponeuroses.{side}" + (f"[{number}]" if len(texts) > 1 else "")
-            with faults.gathered():
-                sheets.append(files.read(where, text, read))
-    return sheets
+            sheets.append(files.tried(where, text, read))
+    return [sheet for sheet in sheets if sheet is not None]
 
 
 def _literature(path: Path, muscle: str) -> tuple[io.LiteratureCurve, ...]:
@@ -173,28 +164,25 @@ def _literature(path: Path, muscle: str) -> tuple[io.LiteratureCurve, ...]:
     return own
 
 
-def _estimated(
-    named: tuple[str, ...],
-    surface: vtkPolyData,
-    bones: dict[str, vtkPolyData],
-    motion: RigidMotion,
-    within: float,
+def areas_in_contact(
+    surface: vtkPolyData, bones: Mapping[str, vtkPolyData], chains: Mapping[str, list[Any]], **options: Any
 ) -> list[AttachmentArea]:
-    """Return estimated attachments; by default the insertion is on the moving bone."""
-    origin, insertion = named or (None, None)
-    bodies: dict[bytes, list[str]] = {}
-    for bone in bones:  # bones without transforms do not move
-        bodies.setdefault(motion.transforms.get(bone, motion.times[:0]).tobytes(), []).append(bone)
-    ends: dict[str, Any] = {"origin": origin, "insertion": insertion, "bodies": [*bodies.values()]}
-    areas = estimated_areas(surface, bones, within=within, **ends)
-    moving = {area.role: area.bone in motion.transforms for area in areas}
-    if not named and moving["origin"] and not moving["insertion"]:
+    """Return a muscle's areas in contact with bones, by :func:`estimated_areas` with options.
+
+    ``chains`` are the moving bodies of each bone, upwards. Without named bones, the insertion is on the bone
+    of the longer chain.
+    """
+    bodies = {bone: next(iter(chains[bone]), None) for bone in bones}
+    groups = [[bone for bone in bones if bodies[bone] == body] for body in dict.fromkeys(bodies.values())]
+    areas = estimated_areas(surface, bones, bodies=groups, **options)
+    depth = {area.role: len(chains[area.bone]) for area in areas}
+    if not {*ROLES} & {*options} and depth["origin"] > depth["insertion"]:
         areas = [replace(area, role=ROLES[area.role == ROLES[0]]) for area in areas]
     return areas
 
 
 def _mirrored(fields: dict[str, Any], axis: str) -> dict[str, Any]:
-    """Return a scene's fields mirrored along x, y or z; values of coordinates stay."""
+    """Return a scene's fields mirrored along x, y or z. Values of coordinates stay."""
     signs = np.where(np.array(list("xyz")) == axis, -1.0, 1.0)
     both, motion = np.diag([*signs, 1.0]), fields["motion"]
 

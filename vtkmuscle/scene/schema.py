@@ -2,35 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Annotated, Any
+import re
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import AfterValidator, BeforeValidator, Field, WrapValidator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    WrapValidator,
+    create_model,
+    model_validator,
+)
+from pydantic_core import CoreSchema
+from pydantic_core.core_schema import literal_schema
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
-from vtkmuscle.core.words import quoted
+from vtkmuscle.core.words import quoted, suggestion
+from vtkmuscle.data import toml_table
 from vtkmuscle.data.attachments import ROLES, VIA
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.filters.path_deformer import PathDeformer
+from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.filters.taut_paths import TautPaths
 from vtkmuscle.io.landmarks import FRAMES
-from vtkmuscle.pipelines import DEFORMERS, QUALITIES
+from vtkmuscle.pipelines import DEFORMERS, FIBRE_SETTINGS, QUALITIES, TRANSPORT_SETTINGS
 from vtkmuscle.scene.data import MILLIMETRES
-from vtkmuscle.scene.schema_types import (
-    Direction,
-    Fibres,
-    Fixing,
-    Hill,
-    JointTable,
-    Name,
-    OneOf,
-    OpenSimTable,
-    Paths,
-    SchemaTable,
-    Solver,
-    Text,
-    Triple,
-    key,
-    names_or_tables,
-)
 
 #: Text in place of attachments, for estimates.
 ESTIMATE = "estimate"
@@ -38,6 +41,208 @@ ESTIMATE = "estimate"
 ALONE = ""
 #: Largest number of frames of a motion; more indicate a wrong step.
 MOST_FRAMES = 10_000
+#: By table and key of a scene file: meaning, and an example.
+_KEYS = toml_table("vtkmuscle.scene", "keys.toml")
+
+
+class SchemaTable(BaseModel):
+    """A table of a scene file, with strict types. Meanings of keys are in keys.toml."""
+
+    model_config = ConfigDict(extra="forbid", defer_build=True, strict=True, allow_inf_nan=False)
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        for name, (meaning, *examples) in _KEYS.get(cls.__name__, {}).items():
+            cls.model_fields[name].description = meaning
+            cls.model_fields[name].examples = examples
+
+
+class Settings(BaseModel):
+    """A table of filter settings; only keys in the file count."""
+
+    model_config = ConfigDict(extra="forbid", defer_build=True)
+
+    def given(self) -> dict[str, Any]:
+        """Return the settings in the file."""
+        return self.model_dump(exclude_unset=True)
+
+
+def _checked(declaration: Parameter[Any], value: Any) -> Any:
+    try:
+        declaration.check(value, "")
+    except ValueError:
+        choices, allowed = declaration.choices, f"allowed: {declaration.allowed}"
+        remedy = suggestion(value, choices) if choices and isinstance(value, str) else allowed
+        raise InputError("", f"{quoted(value)} is not allowed", remedy) from None
+    return value
+
+
+def _settings(name: str, declarations: Mapping[str, Parameter[Any]]) -> type[Settings]:
+    fields: dict[str, Any] = {
+        word: (Annotated[Any, PlainValidator(partial(_checked, declaration))], None)
+        for word, declaration in declarations.items()
+    }
+    return create_model(name, __base__=Settings, **fields)
+
+
+if TYPE_CHECKING:
+    Solver = Settings
+    Fixing = Settings
+    Fibres = Settings
+    Paths = Settings
+else:
+    Paths = _settings("Paths", TautPaths.parameter_declarations)
+    Solver = _settings("Solver", PathDeformer.parameter_declarations | PBDDeformer.parameter_declarations)
+    Fixing = _settings("Fixing", FixedPointDetector.parameter_declarations)
+    Fibres = _settings("Fibres", FIBRE_SETTINGS | TRANSPORT_SETTINGS)
+
+
+#: Letters, digits, and signs allowed by every file system.
+_NAME = re.compile(r"\w[\w .+-]*(?<![ .])")
+#: Suffixes of results: a folder with such a name could collide with a file.
+_RESULTS = (".pvd", ".vtp", ".csv", ".json", ".png", ".toml", ".html", ".partial")
+
+
+def checked_name(name: str) -> str:
+    """Return a name usable as a file name; InputError otherwise."""
+    if not _NAME.fullmatch(name):
+        remedy = "use only letters, digits, spaces and _ - + .; begin and end with a letter or digit"
+        raise InputError("", f"{quoted(name)} cannot be part of a file name", remedy)
+    if name.casefold().endswith(_RESULTS):
+        raise InputError("", f"the name {quoted(name)} ends like a file of results", "leave out the suffix")
+    return name
+
+
+def _direction(axis: list[float]) -> list[float]:
+    if not any(axis):
+        raise InputError("", "the direction has no length", "write axis = [1.0, 0.0, 0.0], for example")
+    return axis
+
+
+class OneOf:
+    """A text limited to some words."""
+
+    def __init__(self, words: Iterable[str]) -> None:
+        self.words = list(words)
+
+    def __get_pydantic_core_schema__(self, *_: Any) -> CoreSchema:
+        return literal_schema(self.words)
+
+
+Text = Annotated[str, Field(min_length=1)]
+Name = Annotated[Text, AfterValidator(checked_name)]
+Positive = Annotated[float, Field(gt=0.0)]
+Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
+Direction = Annotated[Triple, AfterValidator(_direction)]
+
+
+#: Number of coordinates of each kind of joint, None for any, and its required and optional keys.
+JOINT_KINDS: dict[str, tuple[int | None, tuple[str, ...], tuple[str, ...]]] = {
+    "pin": (1, ("centre", "axis"), ("coordinates",)),
+    "ball": (3, ("centre",), ("axes", "coordinates")),
+    "weld": (0, (), ("centre",)),
+    "custom": (None, ("centre",), ("coordinates", "rotations", "translations")),
+}
+
+
+def _ascending(ends: list[float]) -> list[float]:
+    if ends[0] >= ends[1]:
+        raise InputError("", f"must be a least and a largest value, not {quoted(ends)}")
+    return ends
+
+
+def names_or_tables(value: Any) -> Any:
+    """Return a list of names as a mapping to empty tables."""
+    if isinstance(value, list) and all(isinstance(name, str) and name for name in value):
+        return {name: {} for name in value}
+    if not isinstance(value, dict):
+        remedy = 'write ["NAME"], or { NAME = { positive = "flexion" } }'
+        raise InputError("", f"must be a list of names, not {quoted(value)}", remedy)
+    return value
+
+
+_Numbers = Annotated[list[float], Field(min_length=1)]
+_Range = Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(_ascending)]
+
+
+class KnotsTable(SchemaTable):
+    """Knots of a function."""
+
+    x: _Numbers
+    y: _Numbers
+
+
+class Function(SchemaTable):
+    """A function of a coordinate, by a single key."""
+
+    polynomial: _Numbers | None = None
+    spline: KnotsTable | None = None
+
+
+class JointCoordinateTable(Function):
+    """A coordinate of a joint; with a function it follows another coordinate."""
+
+    range: _Range | None = None
+    rest: float = 0.0
+    positive: Text | None = None
+    follows: Text | None = None
+
+
+class Axis(Function):
+    """A rotation or a translation of a custom joint."""
+
+    axis: Direction
+    coordinate: Text
+
+
+_Axes = Annotated[list[Axis], Field(max_length=3)]
+
+
+class JointTable(SchemaTable):
+    """A joint between two bones."""
+
+    parent: Text
+    child: Text
+    type: Annotated[str, OneOf(JOINT_KINDS)]
+    centre: Triple | None = None
+    axis: Direction | None = None
+    axes: Annotated[list[Direction], Field(min_length=3, max_length=3)] | None = None
+    coordinates: Annotated[dict[str, JointCoordinateTable], BeforeValidator(names_or_tables)] | None = None
+    rotations: _Axes | None = None
+    translations: _Axes | None = None
+
+
+class OpenSimTable(SchemaTable):
+    """An OpenSim model with the scene's joints."""
+
+    model: Text
+    bodies: dict[str, Text] | None = None
+    frame: Text | None = None
+    fixed: Text | None = None
+    rest: dict[str, float] | None = None
+
+
+class Hill(SchemaTable):
+    """Hill's parameters of a muscle, for exports. A run uses two lengths for its architecture."""
+
+    optimal_fibre_length: Positive | None = None
+    tendon_slack_length: Positive | None = None
+    sarcomere_length: Positive | None = None
+    pennation: Annotated[float, Field(ge=0.0, lt=90.0)] | None = None
+    max_isometric_force: Positive | None = None
+    pcsa: Positive | None = None
+    specific_tension: Positive | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Hill:
+        parts = [name for name in ("pcsa", "specific_tension") if getattr(self, name) is not None]
+        if len(parts) == 1:
+            remedy = "give pcsa and specific_tension, or max_isometric_force"
+            raise InputError("", f"{parts[0]} alone gives no force", remedy)
+        if parts and self.max_isometric_force is not None:
+            problem = "max_isometric_force cannot be combined with pcsa and specific_tension"
+            raise InputError("", problem, "give either")
+        return self
 
 
 def _steps(values: list[float]) -> list[float]:
@@ -78,91 +283,49 @@ _Texts = Annotated[list[Text], BeforeValidator(lambda value: [value] if isinstan
 class BoneTable(SchemaTable):
     """A bone."""
 
-    surface: Text = key("FILE.vtp", ...)
-    """A .vtp, .vtk, .vtu, .stl, .obj, .ply, .off or .glb file in the rest pose, preferably closed: where the
-    muscle meets the bone, holes are closed, with a warning."""
+    surface: Text
 
 
 class ColumnTable(SchemaTable):
     """A column of a table of transforms that is a joint coordinate."""
 
-    unit: Annotated[str, OneOf((*ANGLES, *TRANSLATIONS))] = key("deg", "deg")
-    """Unit of the column."""
-    positive: Text | None = key("flexion")
-    """The positive direction, in words."""
+    unit: Annotated[str, OneOf((*ANGLES, *TRANSLATIONS))] = "deg"
+    positive: Text | None = None
 
 
 class Hinge(SchemaTable):
     """A bone that turns about an axis."""
 
-    bone: Text = key("NAME", ...)
-    """The moving bone."""
-    centre: Triple = key([0.0, 0.0, 0.0], ...)
-    """A point on the axis, in the rest pose."""
-    axis: Direction = key([1.0, 0.0, 0.0], ...)
-    """Direction of the axis, of any length; positive angles are right-handed."""
-    angles: _Steps = key([0, 90, 2], ...)
-    """Start, stop (included) and step, in degrees from rest. The angle is the pipeline's time. To turn
-    backwards, negate the axis."""
-    coordinate: Text | None = key("knee_flexion")
-    """Name of the angle, for moment arms. Default: BONE_angle."""
+    bone: Text
+    centre: Triple
+    axis: Direction
+    angles: _Steps
+    coordinate: Text | None = None
 
 
 class Motion(SchemaTable):
     """How the bones move: coordinates of joints, a table of transforms, or a hinge."""
 
-    file: Text | None = key("walk.mot")
-    """With [joints.NAME] or [opensim]: a .mot or .sto file of OpenSim with the coordinates of the joints. The
-    file's time is the pipeline's."""
-    every: Annotated[int, Field(ge=1)] = key(2, 1)
-    """Take only every n-th row of the file."""
-    grid: Annotated[dict[str, _Steps], Field(min_length=1)] | None = key({"knee_angle": [0, 90, 5]})
-    """Or coordinates on a grid, { knee_angle = [0, 120, 5], hip_flexion = [0, 90, 10] }: start, stop
-    (included) and step, in degrees, or the scene's unit for a translation. The last coordinate changes
-    fastest, up and down in turn."""
-    bone: Text | None = key("NAME")
-    """The moving bone; all further bones are fixed."""
-    transforms: Annotated[dict[str, Text], BeforeValidator(_by_bone), Field(min_length=1)] | None = key(
-        "FILE.csv"
-    )
-    """A CSV file with the columns T00 to T33: the bone's 4 x 4 transform from rest to the pose, row major,
-    translations in the scene's unit. The last row (T30 to T33) may be omitted. Further columns, empty lines
-    and comments (#) are ignored. For several moving bones: a table of files, { femur = 'femur.csv', tibia =
-    'tibia.csv' }, with equal times, and without the key bone."""
-    time: Text | None = key("COLUMN")
-    """The column of the pipeline's time, ascending (degrees, seconds, per cent of a gait cycle). Default:
-    rows are numbered from 0."""
-    centre: Annotated[dict[str, Triple], BeforeValidator(_by_bone)] | None = key([0.0, 0.0, 0.0])
-    """The joint's centre in the rest pose, for poses between two rows; or a table of centres by bone."""
+    file: Text | None = None
+    every: Annotated[int, Field(ge=1)] = 1
+    grid: Annotated[dict[str, _Steps], Field(min_length=1)] | None = None
+    bone: Text | None = None
+    transforms: Annotated[dict[str, Text], BeforeValidator(_by_bone), Field(min_length=1)] | None = None
+    time: Text | None = None
+    centre: Annotated[dict[str, Triple], BeforeValidator(_by_bone)] | None = None
     coordinates: Annotated[dict[str, ColumnTable], BeforeValidator(names_or_tables)] | None = None
-    """The columns of joint coordinates, for moment arms: ['hip_flexion_r'], in degrees, or { hip_flexion_r =
-    { unit = 'deg', positive = 'flexion' } }, with a unit (deg, rad, mm, cm or m) and the positive direction
-    in words. Constant columns are ignored. Default: the column of the time, unless the column is called time
-    or frame, or counts the rows. With a file or a grid: the coordinates to use; by default all coordinates
-    that move a bone of the scene."""
     hinge: Hinge | None = None
-    """A hinge, instead of all other keys."""
 
 
 class Area(SchemaTable):
     """An attachment area of a muscle, or a via ring."""
 
-    role: Annotated[str, OneOf((*ROLES, VIA))] = key("origin", ...)
-    """origin or insertion; or via, a ring round the muscle. Several areas may share a role."""
-    bone: Text = key("NAME", ...)
-    """The bone of the area or ring."""
-    landmarks: Text = key("FILE.vtp", ...)
-    """A .vtp or .vtk file with a polyline, or with points; a .csv of x, y, z, or of name, x, y, z; a .json
-    list of [x, y, z]; a .mrk.json or .fcsv file of 3D Slicer; or a .nrrd file of 3 x n numbers. Landmarks
-    are in the order of the boundary."""
-    closed: bool | None = key(True)
-    """Write true for a ring around an area, false for an open curve or loose points. Default: as in the file;
-    a ring repeats the first landmark at the end. Points near an open curve are attached. A via ring is always
-    closed."""
-    estimated: bool = key(True, False)
-    """True for estimated landmarks, as written by Scene.save."""
-    confidence: _Confidence | None = key(0.4)
-    """Confidence of a guessed area or bone, 0 to 1. Remove the key after a check of the area."""
+    role: Annotated[str, OneOf((*ROLES, VIA))]
+    bone: Text
+    landmarks: Text
+    closed: bool | None = None
+    estimated: bool = False
+    confidence: _Confidence | None = None
 
 
 class Estimate(list[Area]):
@@ -176,88 +339,45 @@ class Estimate(list[Area]):
 class Aponeuroses(SchemaTable):
     """End surfaces of a muscle's fibres, in place of the attachment areas."""
 
-    proximal: Annotated[_Texts, Field(min_length=1)] = key("FILE.vtp", ...)
-    """Start of the fibres: a file or several, with landmarks of a ring on the muscle, in order; or with a
-    surface of triangles within the ring (.vtp, .vtk, .stl, .obj, .ply)."""
-    distal: Annotated[_Texts, Field(min_length=1)] = key("FILE.vtp", ...)
-    """End of the fibres, as proximal."""
+    proximal: Annotated[_Texts, Field(min_length=1)]
+    distal: Annotated[_Texts, Field(min_length=1)]
 
 
 class MuscleTable(SchemaTable):
     """A muscle."""
 
-    surface: Text = key("FILE.vtp", ...)
-    """A closed surface of triangles, in a single piece, in the rest pose."""
+    surface: Text
     attachments: Annotated[list[Area], WrapValidator(_list_or_estimate)] = Field(default_factory=list)
-    """A list of areas; fibres need an origin and an insertion. Or 'estimate', without landmarks: areas in
-    contact with the bones; or { estimate = ['hip_bone', 'shank'] }, with the bones of the origin and of the
-    insertion."""
     aponeuroses: Aponeuroses | None = None
-    """End surfaces of the fibres, instead of areas: { proximal = 'FILE', distal = 'FILE' }."""
     fibres: Fibres | None = None
-    """Settings of the fibres, e.g. { template = 'parallel', n_fibres = 100, resolution = 15 }: the kind of
-    template, the number of fibres and of segments of each; or template_file = 'FILE.toml', a template of your
-    own. Without the table the muscle has no fibres."""
-    superficial_fibres: Text | None = key("FILE.vtp")
-    """A .vtp, .vtk, .obj or .ply file of polylines: fibres observed on the surface."""
+    superficial_fibres: Text | None = None
     solver: Solver = Field(default_factory=Solver)
-    """Parameters in place of [solver]."""
     fixing: Fixing = Field(default_factory=Fixing)
-    """Parameters in place of [fixing]."""
-    literature: Text | None = key("FILE.csv")
-    """A .csv file of published moment arms, drawn with the moment arms of the run."""
-    crosses: list[Text] | None = key(["hip_flexion", "knee_angle"])
-    """Coordinates with an effect on the muscle's length, for moment arms. Default: the coordinates of the
-    joints between the muscle's bones; without joints, all."""
+    literature: Text | None = None
+    crosses: list[Text] | None = None
     hill: Hill | None = None
-    """Hill's parameters, for exports: see `Hill's parameters`_."""
-    muscle: Text | None = key("semimembranosus")
-    """Anatomical name, for published numbers. Default: the muscle's name in the scene."""
+    muscle: Text | None = None
 
 
 class SceneTable(SchemaTable):
     """A scene for vtkmuscle: bones, muscles and a motion."""
 
-    name: Name | None = key("hip")
-    """Name of the scene, for titles. Default: the name of the file."""
-    units: Annotated[str, OneOf(MILLIMETRES)] = key("mm", "mm")
-    """Unit of all coordinates, translations and lengths in the scene. Results with _mm in the name are in
-    millimetres."""
-    deformer: Annotated[str, OneOf(DEFORMERS)] = key("paths", "paths")
-    """paths: taut paths carry each muscle. pbd: position based dynamics, with paths only for a table [paths].
-    none: paths alone, for lengths, moment arms and pictures of the fibres; all muscles need fibres, and
-    muscle_contact must be off. --deformer of the command line has priority."""
-    quality: Annotated[str, OneOf(QUALITIES)] | None = key("balanced")
-    """A preset for [paths] and [solver]; settings in the tables have priority. published needs the deformer
-    pbd. --quality of the command line has priority."""
-    muscle_contact: Annotated[str, OneOf(("off", "on", "measure"))] = key("on", "off")
-    """on: muscles stay outside of earlier muscles of the file. measure: reports the depth in earlier
-    muscles."""
-    bones: dict[Name, BoneTable] = key({"NAME": {"surface": "FILE.vtp"}}, ...)
-    """The bones, by name; at least one."""
-    motion: Motion = key({"bone": "NAME", "transforms": "FILE.csv"}, ...)
-    """How the bones move."""
+    name: Name | None = None
+    units: Annotated[str, OneOf(MILLIMETRES)] = "mm"
+    deformer: Annotated[str, OneOf(DEFORMERS)] = "paths"
+    quality: Annotated[str, OneOf(QUALITIES)] | None = None
+    muscle_contact: Annotated[str, OneOf(("off", "on", "measure"))] = "off"
+    bones: dict[Name, BoneTable]
+    motion: Motion
     joints: dict[str, JointTable] = Field(default_factory=dict)
-    """Joints between the bones, by name, moved by [motion]."""
     opensim: OpenSimTable | None = None
-    """An OpenSim model with the joints, in place of [joints.NAME]."""
-    frame: Annotated[str, OneOf(FRAMES)] = key("LPS", "LPS")
-    """The frame of the surfaces: LPS (x to the left, y to the back), as in 3D Slicer, or RAS. Landmarks are
-    converted if the file states the frame, as files of 3D Slicer do."""
-    guessed: dict[str, _Confidence] = key({"joints.knee_right.centre": 0.8}, {})
-    """Confidence of guesses by their keys, 0 to 1, in a drafted scene. Remove a key after a check of the
-    guess."""
-    mirror: Annotated[str, OneOf("xyz")] | None = key("x")
-    """x, y or z: mirrors the whole scene, with the motion, along this axis, to make the other side of the
-    body. Names and coordinates stay."""
-    muscles: dict[Name, MuscleTable] = key({"NAME": {"surface": "FILE.vtp"}}, ...)
-    """The muscles, by name; at least one."""
+    frame: Annotated[str, OneOf(FRAMES)] = "LPS"
+    guessed: dict[str, _Confidence] = Field(default_factory=dict)
+    mirror: Annotated[str, OneOf("xyz")] | None = None
+    muscles: dict[Name, MuscleTable]
     paths: Paths | None = None
-    """Parameters of TautPaths for all muscles."""
     solver: Solver = Field(default_factory=Solver)
-    """Parameters of the deformer, PathDeformer or PBDDeformer, for all muscles."""
     fixing: Fixing = Field(default_factory=Fixing)
-    """Parameters of FixedPointDetector for all muscles."""
 
 
 #: The tables with examples; of two fields of a name the last counts.

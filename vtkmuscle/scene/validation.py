@@ -17,28 +17,32 @@ from vtkmuscle.data.attachments import ROLES, VIA
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.taut_paths import PATH_PRESETS
 from vtkmuscle.pipelines import DEFORMERS
-from vtkmuscle.scene.data import Faults, SceneError
-from vtkmuscle.scene.schema import ALONE, ESTIMATE, TABLES, Estimate, Motion, MuscleTable, SceneTable
-from vtkmuscle.scene.schema_types import JOINT_KINDS, Fibres, Fixing, Function, JointTable, Paths, Solver
+from vtkmuscle.scene import schema
+from vtkmuscle.scene.data import Faults, SceneError, words_of
 from vtkmuscle.scene.writing import inline_toml
 
 #: File names of a run besides the muscles' names.
 _RESERVED = ("bones", "figures", "finished", "scene")
 
 #: The fields of all tables by name, for examples.
-_FIELDS = {name: field for table in TABLES for name, field in table.model_fields.items()}
+_FIELDS = {name: field for table in schema.TABLES for name, field in table.model_fields.items()}
 
 #: All names of keys, for hints.
-_NAMES = sorted({*_FIELDS, *(name for kind in (Solver, Paths, Fixing, Fibres) for name in kind.model_fields)})
+_SETTINGS = (schema.Solver, schema.Paths, schema.Fixing, schema.Fibres)
+_NAMES = sorted({*_FIELDS, *(name for kind in _SETTINGS for name in kind.model_fields)})
 
 #: Key, problem and remedy.
 _Fault = tuple[str, str, str]
 
 
-def validated(values: Mapping[str, Any], file: Path | None) -> SceneTable:
-    """Return the checked tables of a scene file; SceneError with a fault for each key at fault."""
+def _fault(fault: str, key: str, **values: object) -> _Fault:
+    return key, *words_of(fault, **values)
+
+
+def validated(values: Mapping[str, Any], file: Path | None) -> schema.SceneTable:
+    """Return the checked tables of a scene file. SceneError with a fault for each key at fault."""
     try:
-        table = SceneTable.model_validate(values)
+        table = schema.SceneTable.model_validate(values)
     except ValidationError as error:
         faults = _faults_in_words(error.errors(include_url=False))
     else:
@@ -50,7 +54,7 @@ def validated(values: Mapping[str, Any], file: Path | None) -> SceneTable:
 def _faults_in_words(errors: list[ErrorDetails]) -> Iterator[_Fault]:
     """Yield key, problem and remedy of pydantic's errors, unknown keys first."""
     for error in sorted(errors, key=lambda error: (error["type"] != "extra_forbidden", len(error["loc"]))):
-        path = [part for part in error["loc"] if part not in ("[key]", ALONE)]
+        path = [part for part in error["loc"] if part not in ("[key]", schema.ALONE)]
         key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
         name = [part for part in path if isinstance(part, str)][-1]
         yield (key.removeprefix("."), *_problem_and_remedy(error, name))
@@ -79,56 +83,50 @@ def _problem_and_remedy(error: ErrorDetails, name: str) -> tuple[str, str]:
     return problem + (f", not {quoted(error['input'])}" if "must be" in problem else ""), remedy
 
 
-def _conflicts(scene: SceneTable) -> Iterator[_Fault]:
+def _conflicts(scene: schema.SceneTable) -> Iterator[_Fault]:
     """Yield the faults of keys that are valid alone, but not together."""
     for kind, names in (("bones", list(scene.bones)), ("muscles", list(scene.muscles))):
         if not names:
-            yield kind, f"the scene has no {kind}", f"add a table [{kind}.NAME] with a surface"
+            yield _fault("empty", kind, kind=kind)
     yield from _of_joints(scene)
     yield from _of_motion(scene)
     if scene.deformer == "none" and scene.muscle_contact != "off":
-        problem = f"{scene.muscle_contact!r} needs deformed muscles, but deformer is 'none'"
-        yield "muscle_contact", problem, "remove the key, or use deformer 'paths'"
+        yield _fault("contact_without_deformer", "muscle_contact", contact=scene.muscle_contact)
     if scene.quality not in (None, *PATH_PRESETS) and scene.deformer != "pbd":
-        problem = f"{scene.quality!r} is a preset of deformer 'pbd', but deformer is {scene.deformer!r}"
-        yield "quality", problem, "use 'preview', 'balanced' or 'accurate', or deformer 'pbd'"
+        yield _fault("quality_of_pbd", "quality", quality=scene.quality, deformer=scene.deformer)
     deformer = DEFORMERS[scene.deformer]
     allowed = {} if deformer is None else deformer.parameter_declarations
     solvers = {f"muscles.{name}.solver": muscle.solver for name, muscle in scene.muscles.items()}
     for key, table in ({"solver": scene.solver} | solvers).items():
         for setting in table.given():
             if setting not in allowed:
-                problem = f"deformer {scene.deformer!r} has no such setting"
-                yield f"{key}.{setting}", problem, suggestion(setting, allowed) if allowed else "remove it"
+                remedy = suggestion(setting, allowed) if allowed else "remove it"
+                yield _fault("no_setting", f"{key}.{setting}", deformer=scene.deformer, remedy=remedy)
     for name in scene.muscles:
         yield from _of_muscle(name, scene)
 
 
 def _unknown_bone(key: str, bone: str, bones: Collection[str]) -> Iterator[_Fault]:
     if bone not in bones:
-        yield key, f"there is no bone {quoted(bone)}", suggestion(bone, bones)
+        yield _fault("no_bone", key, bone=quoted(bone), remedy=suggestion(bone, bones))
 
 
-def _of_muscle(name: str, scene: SceneTable) -> Iterator[_Fault]:
+def _of_muscle(name: str, scene: schema.SceneTable) -> Iterator[_Fault]:
     key, muscle, folded = f"muscles.{name}", scene.muscles[name], name.casefold()
     taken = {muscle_name.casefold() for muscle_name in scene.muscles} - {folded}
     if folded in _RESERVED or folded.removesuffix("_fibres") in taken:
-        problem = f"the results of a muscle called {name!r} would overwrite other results"
-        yield key, problem, "choose another name"
+        yield _fault("taken_name", key, name=name)
     if scene.deformer == "none" and muscle.fibres is None:
-        problem = "deformer 'none' computes paths only, and the muscle has no fibres"
-        yield f"{key}.fibres", problem, "add a table fibres, or use deformer 'paths'"
+        yield _fault("paths_without_fibres", f"{key}.fibres")
     if muscle.aponeuroses is not None and muscle.fibres is None:
-        problem = "the muscle has aponeuroses, but no fibres"
-        yield f"{key}.aponeuroses", problem, "add a table fibres"
+        yield _fault("aponeuroses_without_fibres", f"{key}.aponeuroses")
     if muscle.aponeuroses is not None and scene.deformer == "none":
-        problem = "aponeuroses need a deformed muscle, but deformer is 'none'"
-        yield f"{key}.aponeuroses", problem, "remove the key, or use deformer 'paths'"
+        yield _fault("aponeuroses_without_deformer", f"{key}.aponeuroses")
     yield from _of_attachments(f"{key}.attachments", muscle, scene)
 
 
-def _of_attachments(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterator[_Fault]:
-    if isinstance(muscle.attachments, Estimate):
+def _of_attachments(key: str, muscle: schema.MuscleTable, scene: schema.SceneTable) -> Iterator[_Fault]:
+    if isinstance(muscle.attachments, schema.Estimate):
         for bone in muscle.attachments.bones:
             yield from _unknown_bone(key, bone, scene.bones)
         return
@@ -140,12 +138,9 @@ def _of_attachments(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterato
     alone = ROLES[:1] if method == "attachment" and not roles else ()  # a muscle without fibres needs one
     for role in alone if muscle.fibres is None else ROLES:
         if role not in roles:
-            remedy = f'add {{ role = "{role}", bone = "...", landmarks = "..." }}'
-            if not roles:
-                remedy += f', or write attachments = "{ESTIMATE}" (from contact with the bones)'
-            if muscle.fibres is not None:
-                remedy += ", or leave out fibres"
-            yield key, f"there is no attachment with role {role!r}", remedy
+            more = "" if roles else ', or write attachments = "estimate" (from contact with the bones)'
+            more += "" if muscle.fibres is None else ", or leave out fibres"
+            yield _fault("no_role", key, role=role, more=more)
 
 
 #: Kinds of motion, and the keys of each.
@@ -157,37 +152,34 @@ _MOTIONS = {
 }
 
 
-def _of_motion(scene: SceneTable) -> Iterator[_Fault]:
+def _of_motion(scene: schema.SceneTable) -> Iterator[_Fault]:
     motion = scene.motion
     jointed = bool(scene.joints) or scene.opensim is not None
-    present = [name for name in Motion.model_fields if name in motion.model_fields_set]
+    present = [name for name in schema.Motion.model_fields if name in motion.model_fields_set]
     kind = next((name for name in _MOTIONS if name in present), None)
     if jointed and kind not in ("file", "grid"):
-        remedy = 'add file = "FILE.mot", or grid = { COORDINATE = [0, 90, 5] }'
-        yield "motion", "does not say how the joints move", remedy
+        yield _fault("joints_without_motion", "motion")
         return
     if kind is None:
         remedy = 'add transforms = "FILE.csv", or a table [motion.hinge]; or joints, and file or grid'
-        yield "motion.transforms", "the key is missing", remedy
+        yield _fault("missing", "motion.transforms", remedy=remedy)
         return
     for name in present:
         if name not in (kind, *_MOTIONS[kind]):
-            yield f"motion.{name}", f"cannot be combined with motion.{kind}", "remove either"
+            yield _fault("combined", f"motion.{name}", other=f"motion.{kind}")
     if kind in ("file", "grid") and not jointed:
-        remedy = "add tables [joints.NAME], or [opensim] with a model"
-        yield f"motion.{kind}", "the scene has no joints", remedy
+        yield _fault("no_joints", f"motion.{kind}")
     if motion.hinge is not None:
         yield from _unknown_bone("motion.hinge.bone", motion.hinge.bone, scene.bones)
     elif motion.transforms is None:
         return
-    elif ALONE not in motion.transforms:
+    elif schema.ALONE not in motion.transforms:
         if motion.bone is not None:
-            remedy = "remove bone for transforms with a table of files by bone"
-            yield "motion.bone", "cannot be combined with a table of transforms", remedy
+            yield _fault("bone_and_bones", "motion.bone")
         for bone in motion.transforms:
             yield from _unknown_bone(f"motion.transforms.{bone}", bone, scene.bones)
     elif motion.bone is None:
-        yield "motion.bone", "the key is missing", 'add bone = "NAME"'
+        yield _fault("missing", "motion.bone", remedy='add bone = "NAME"')
     else:
         yield from _unknown_bone("motion.bone", motion.bone, scene.bones)
 
@@ -195,16 +187,16 @@ def _of_motion(scene: SceneTable) -> Iterator[_Fault]:
 _FUNCTIONS = ("polynomial", "spline")
 
 
-def _of_joints(scene: SceneTable) -> Iterator[_Fault]:
+def _of_joints(scene: schema.SceneTable) -> Iterator[_Fault]:
     if scene.joints and scene.opensim is not None:
-        yield "opensim", "cannot be combined with [joints.NAME]", "remove either"
+        yield _fault("combined", "opensim", other="[joints.NAME]")
     joints = scene.joints.values()
     bodies = {"parent": {*scene.bones, *(joint.child for joint in joints)}}
     bodies["child"] = {*scene.bones, *(joint.parent for joint in joints)}
     coordinates = [name for joint in joints for name in joint.coordinates or {}]
     for number, name in enumerate(coordinates):
         if name in coordinates[:number]:
-            yield "joints", f"there are two coordinates {quoted(name)}", "rename either"
+            yield _fault("two_coordinates", "joints", name=quoted(name))
     for name, joint in scene.joints.items():
         key = f"joints.{name}"
         for end, allowed in bodies.items():
@@ -214,45 +206,41 @@ def _of_joints(scene: SceneTable) -> Iterator[_Fault]:
         yield from _of_functions(key, joint, coordinates)
 
 
-def _of_kind(key: str, joint: JointTable) -> Iterator[_Fault]:
-    kind, (wanted, needed, optional) = joint.type, JOINT_KINDS[joint.type]
+def _of_kind(key: str, joint: schema.JointTable) -> Iterator[_Fault]:
+    kind, (wanted, needed, optional) = joint.type, schema.JOINT_KINDS[joint.type]
     for name in ("centre", "axis", "axes", "coordinates", "rotations", "translations"):
         missing = getattr(joint, name) is None
         if missing and name in needed:
-            yield f"{key}.{name}", "the key is missing", f"add {name} = [1.0, 0.0, 0.0]"
+            yield _fault("missing", f"{key}.{name}", remedy=f"add {name} = [1.0, 0.0, 0.0]")
         elif not missing and name not in (*needed, *optional):
-            yield f"{key}.{name}", f"is not a key of a joint of type {kind!r}", "remove it, or change type"
+            yield _fault("not_of_joint", f"{key}.{name}", kind=kind)
     count = len(joint.coordinates or {})
     if wanted and count != wanted:
         names = ", ".join(f'"NAME_{number}"' for number in range(1, wanted + 1))
-        problem = f"names {count}, but a {kind} has {wanted}"
-        yield f"{key}.coordinates", problem, f"write coordinates = [{names}]"
+        sizes = {"count": count, "kind": kind, "wanted": wanted, "names": names}
+        yield _fault("coordinates_of_joint", f"{key}.coordinates", **sizes)
     if kind == "custom" and not (joint.rotations or joint.translations):
-        remedy = 'add rotations = [{ axis = [1.0, 0.0, 0.0], coordinate = "NAME" }]'
-        yield f"{key}.rotations", "a custom joint needs rotations or translations", remedy
+        yield _fault("empty_joint", f"{key}.rotations")
 
 
-def _of_functions(key: str, joint: JointTable, coordinates: list[str]) -> Iterator[_Fault]:
+def _of_functions(key: str, joint: schema.JointTable, coordinates: list[str]) -> Iterator[_Fault]:
     for name, entry in (joint.coordinates or {}).items():
         where = f"{key}.coordinates.{name}"
         if len(_functions(entry)) != (entry.follows is not None):
-            problem = f"follows another coordinate, and needs exactly one of {', '.join(_FUNCTIONS)}"
-            if entry.follows is None:
-                problem = f"follows no other coordinate, but has one of {', '.join(_FUNCTIONS)}"
-            yield where, problem, 'write follows = "NAME" with a function, or remove both'
+            yield _fault("follows_nothing" if entry.follows is None else "follows_by_nothing", where)
         independent = [coordinate for coordinate in coordinates if coordinate != name]
         if entry.follows is not None and entry.follows not in independent:
-            problem = f"there is no other coordinate {quoted(entry.follows)}"
-            yield f"{where}.follows", problem, suggestion(entry.follows, independent)
+            words = {"name": quoted(entry.follows), "remedy": suggestion(entry.follows, independent)}
+            yield _fault("no_other_coordinate", f"{where}.follows", **words)
     for kind in ("rotations", "translations"):
         for number, axis in enumerate(getattr(joint, kind) or []):
             where = f"{key}.{kind}[{number}]"
             if axis.coordinate not in coordinates:
-                problem = f"there is no coordinate {quoted(axis.coordinate)}"
-                yield f"{where}.coordinate", problem, suggestion(axis.coordinate, coordinates)
+                words = {"name": quoted(axis.coordinate), "remedy": suggestion(axis.coordinate, coordinates)}
+                yield _fault("no_coordinate", f"{where}.coordinate", **words)
             if len(_functions(axis)) > 1:
-                yield where, "has more than one function", "keep a single function"
+                yield _fault("two_functions", where)
 
 
-def _functions(table: Function) -> list[str]:
+def _functions(table: schema.Function) -> list[str]:
     return [name for name in _FUNCTIONS if getattr(table, name) is not None]

@@ -9,7 +9,6 @@ from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path, PurePosixPath
-from types import MappingProxyType
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
@@ -23,7 +22,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import multiblock_from, points_of
 from vtkmuscle.io.literature import LiteratureCurve
-from vtkmuscle.io.surfaces import read_polydata, read_series
+from vtkmuscle.io.surfaces import read_polydata, steps_in
 from vtkmuscle.io.writing import file_digest, record_in
 from vtkmuscle.run.frames import RUN_AGAIN, TIME, Frames, MuscleTrack, WrittenFile
 from vtkmuscle.run.report_values import version_of
@@ -54,14 +53,12 @@ def _arrays(values: Any) -> Any:
 
 
 def _motion(fields: Any) -> RigidMotion:
-    if isinstance(fields, RigidMotion):
-        return fields
     own = {name: Coordinate(**_arrays(kept)) for name, kept in fields["coordinates"].items()}
     return RigidMotion(**_arrays(fields | {"coordinates": {}}) | {"coordinates": own})
 
 
 def _curve(fields: Any) -> LiteratureCurve:
-    return fields if isinstance(fields, LiteratureCurve) else LiteratureCurve(**_arrays(fields))
+    return LiteratureCurve(**_arrays(fields))
 
 
 Array = Annotated[Any, PlainValidator(_array), PlainSerializer(lambda array: np.asarray(array).tolist())]
@@ -87,8 +84,9 @@ class MuscleNote(_Table):
     files: Sizes
 
 
-#: Fields that a note has of its track.
+#: Fields that the note of a muscle has of its track, and the note of a run of its result.
 TRACK_FIELDS = ("report", "lengths", "fibre_lengths", "rest_lengths", "segment_errors")
+RESULT_FIELDS = ("motion", "literature", "crosses")
 
 
 class RunNote(_Table):
@@ -158,7 +156,7 @@ class ResultFolder:
         counts = dict.fromkeys((self.report() or {}).get("muscles", {}), 0)
         for name in counts:
             with suppress(ValueError, FileNotFoundError):  # damaged, or not begun
-                counts[name] = len(read_series(self.path / f"{name}.pvd").times)
+                counts[name] = steps_in(self.path / f"{name}.pvd")
         return counts
 
     def unfinished(self) -> str | None:
@@ -185,11 +183,9 @@ class ResultFolder:
             tracks[name].report = report["muscles"][name]
         return {
             "bones": multiblock_from({name: self._at_rest(f"bones/{name}") for name in noted.bones}),
-            "motion": noted.motion,
             "tracks": tracks,
             "report": report,
-            "literature": noted.literature,
-            "crosses": noted.crosses,
+            **{field: getattr(noted, field) for field in RESULT_FIELDS},
         }
 
     def finished(self, keys: Mapping[str, str]) -> dict[str, MuscleTrack]:
@@ -249,14 +245,12 @@ class ResultFolder:
 #: Parts of the package that only start runs or show results.
 _SHOWING = ("cli", "paraview", "plotting", "report/")
 #: Fields that no frame of a muscle depends on, and why; all others count.
-IRRELEVANT: Mapping[str, str] = MappingProxyType(
-    {
-        "SceneData.files": "where it was read from; what was read counts",
-        "SceneData.guessed": "judged anew in every run",
-        "Muscle.literature": "drawn beside the curves of a finished run",
-        "Muscle.muscle": "judged anew in every run",
-    }
-)
+IRRELEVANT: Mapping[str, str] = {
+    "SceneData.files": "where it was read from; what was read counts",
+    "SceneData.guessed": "judged anew in every run",
+    "Muscle.literature": "drawn beside the curves of a finished run",
+    "Muscle.muscle": "judged anew in every run",
+}
 #: Packages that have a part in the numbers.
 _PACKAGES = ("numpy", "scipy", "numba", "vtk")
 

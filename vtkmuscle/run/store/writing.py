@@ -16,15 +16,12 @@ from vtkmuscle import __version__
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import add_arrays, blocks_of, shallow_copy
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.io import writing
-from vtkmuscle.io.surfaces import Collection as Pvd
-from vtkmuscle.io.surfaces import Series
+from vtkmuscle.io import Series, writing
 from vtkmuscle.run import store
 from vtkmuscle.run.frames import STAMPS, MuscleTrack, WrittenFile
 from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, TRACK_FIELDS, MuscleNote, ResultFolder, RunNote
-from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import SceneData
-from vtkmuscle.scene.schema_types import checked_name
+from vtkmuscle.scene.schema import checked_name
 
 if TYPE_CHECKING:
     from vtkmuscle.run.result import Result
@@ -51,10 +48,8 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
         raise NotADirectoryError(f"{folder} is a file; give another folder for the results")
     report = ResultFolder(folder).report()
     outputs = writing.Outputs(folder, inputs=scene.files, overwrite=True)  # files of no run are checked below
-    for path in map(folder.joinpath, _folders([*scene.muscles, *_muscles_of(report)])):
-        outputs.check(path, is_folder=True)
-    for path in map(folder.joinpath, _files(scene.muscles)):
-        outputs.check(path)
+    for name, is_folder in _outputs([*scene.muscles, *_muscles_of(report)]).items():
+        outputs.check(folder / name, is_folder=is_folder)
     folder.mkdir(parents=True, exist_ok=True)
     with writing.locked(folder):
         report = ResultFolder(folder).report()
@@ -70,29 +65,26 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
 def _tidy(folder: Path, scene: SceneData) -> None:
     """Remove the half-written files of killed processes."""
     writing.remove_left_behind(folder)
-    for name in _folders(scene.muscles):
+    for name in (*_FOLDERS, *_series(scene.muscles)):
         writing.remove_left_behind(folder / name, deep=True)
 
 
 def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -> None:
     """Remove an earlier run, but for the muscles in ``kept``, from a claimed folder."""
     report = ResultFolder(folder).report() or {}
-    notes = folder / FINISHED
-    muscles = {*scene.muscles, *_muscles_of(report)}
+    notes, muscles = folder / FINISHED, {*scene.muscles, *_muscles_of(report)}
     gone = sorted(muscles - {*kept})
     bones = sorted({*scene.bones, *(note.stem for note in (notes / "bones").glob("*.vtp"))})
+    folders = [*(folder / "bones" / name for name in bones), *map(folder.joinpath, _series(gone))]
     # Notes first: what is noted is there.
     files = [notes / f"{name}{end}" for name in (SCENE, *gone) for end in (".json", ".vtp", "_fibres.vtp")]
     files += [*(notes / "bones").glob("*.vtp"), *(folder / name for name in _LISTS)]
     files += [folder / f"{name}_fibres.csv" for name in muscles]
-    folders = [folder / "bones" / name for name in bones]
-    folders += [folder / name for one in gone for name in (one, f"{one}_fibres")]
     # Lists before what they list: who is killed here leaves none of files that are gone.
     files += [inside.with_name(f"{inside.name}.pvd") for inside in (*folders, folder / "bones")]
     for inside in folders:
         frame = re.compile(re.escape(inside.name) + r"_\d{4,}\.vtp")
-        found = list(inside.iterdir()) if inside.is_dir() else []
-        files += [path for path in found if frame.fullmatch(path.name)]
+        files += [path for path in inside.glob("*.vtp") if frame.fullmatch(path.name)]
     files += [folder / "bones" / f"{name}.vtp" for name in bones]
     drawn = report.get("figures")
     names = drawn.get("written", ()) if isinstance(drawn, dict) else ()
@@ -110,17 +102,16 @@ def scene_file(scene: SceneData) -> str | None:
     return str(scene.files[""].resolve()) if "" in scene.files else None
 
 
-def _folders(muscles: Iterable[str]) -> list[str]:
-    """Return the names of a run's folders."""
-    return [*_FOLDERS, *(part for name in muscles for part in (name, f"{name}_fibres"))]
+def _series(muscles: Iterable[str]) -> list[str]:
+    """Return the names of the surfaces and fibres of muscles."""
+    return [part for name in muscles for part in (name, f"{name}_fibres")]
 
 
-def _files(muscles: Iterable[str]) -> list[str]:
-    """Return the names of a run's files beside its folders."""
-    names = list(muscles)
-    series = ["bones", *(part for name in names for part in (name, f"{name}_fibres"))]
-    tables = (f"{name}_fibres.csv" for name in names)
-    return [REPORT, *_LISTS, *(f"{one}.pvd" for one in series), *tables]
+def _outputs(muscles: Collection[str]) -> dict[str, bool]:
+    """Return whether an output of a run is a folder, by the output's name."""
+    series, tables = _series(muscles), [f"{name}_fibres.csv" for name in muscles]
+    files = [REPORT, *_LISTS, *(f"{name}.pvd" for name in ("bones", *series)), *tables]
+    return dict.fromkeys(files, False) | dict.fromkeys((*_FOLDERS, *series), True)
 
 
 def _muscles_of(report: Mapping[str, Any] | None) -> Iterator[str]:
@@ -134,7 +125,7 @@ def _check_results(folder: Path, scene: SceneData, report: Mapping[str, Any] | N
     """Raise a ValueError where results of a different scene, or files of no run, would be lost."""
     insist = "give another folder with --out, or --overwrite (overwrite=True)"
     if report is None:
-        for path in map(folder.joinpath, (*_files(scene.muscles), *_folders(scene.muscles))):
+        for path in map(folder.joinpath, _outputs(scene.muscles)):
             if path.is_file() or path.is_symlink() or (path.is_dir() and any(path.iterdir())):
                 raise InputError(path, "results would replace a file that was not written by a run", insist)
         return
@@ -160,12 +151,8 @@ class ResultWriter(ResultFolder):
         super().__init__(path.absolute())
         self._times, self._numbers = scene.motion.times, numbers
         self._stamp = scene.name, scene.units, __version__
-        self._keys = store.muscle_keys(scene, numbers)
+        self.keys = store.muscle_keys(scene, numbers)
         self._series: dict[str, Series] = {}
-
-    def kept(self) -> dict[str, MuscleTrack]:
-        """Return muscles finished earlier with equal input."""
-        return self.finished(self._keys)
 
     def write_frame(
         self, muscle: str, number: int, surface: vtkPolyData | None, fibres: vtkPolyData | None
@@ -190,8 +177,8 @@ class ResultWriter(ResultFolder):
                 files.append(self.path / FINISHED / f"{series}.vtp")
                 writing.write_polydata(files[-1], rest)
             if series in self._series:
-                files.append(self._series[series].collection.path)
-        own: dict[str, Any] = {"key": self._keys[name], "has_fibres": track.rest_fibres is not None}
+                files.append(self._series[series].path)
+        own: dict[str, Any] = {"key": self.keys[name], "has_fibres": track.rest_fibres is not None}
         own |= {field: getattr(track, field) for field in TRACK_FIELDS}
         note = MuscleNote(**own, files=self._sizes(files))
         writing.write_json(self.note_file(name), note.model_dump())
@@ -200,7 +187,7 @@ class ResultWriter(ResultFolder):
         """Write the bones over time until ``stop``; a bone at rest throughout is written once."""
         folder, mover = self.path / "bones", BoneMotion(motion=scene.motion)
         mover.connect(0, scene.bones_data())
-        collection = Pvd(self.path / "bones.pvd")
+        collection = Series(self.path, "bones")
         still = {name: folder / f"{name}.vtp" for name in scene.bones if name not in scene.motion.transforms}
         for name, bone in scene.bones.items():
             writing.write_polydata(self.path / FINISHED / "bones" / f"{name}.vtp", bone)
@@ -215,11 +202,15 @@ class ResultWriter(ResultFolder):
                 parts[name] = still.get(name) or folder / name / f"{name}_{number:04d}.vtp"
                 if name not in still:
                     writing.write_polydata(parts[name], self._stamped(bone))
-            collection.add(time, parts)
+            collection.add_parts(time, parts)
 
-    def write_table(self, name: str, table: Table) -> None:
-        """Write a table; tables of lengths have all digits."""
-        table.to_csv(self.path / f"{name}.csv", digits=None if name in _EXACT else DIGITS)
+    def write_tables(self, result: Result) -> None:
+        """Write the tables of a result and of fibre measures. Tables of lengths have all digits."""
+        tables = {name: table for name, table in result.tables().items() if len(table["muscle"])}
+        for name, table in {"fibre_lengths": result.fibre_length_table(), **tables}.items():
+            table.to_csv(self.path / f"{name}.csv", digits=None if name in _EXACT else DIGITS)
+        for name, table in result.fibre_tables():
+            table.to_csv(self.path / f"{name}_fibres.csv", digits=DIGITS)
 
     def write_report(self, report: Mapping[str, Any]) -> None:
         """Write report.json."""
@@ -229,9 +220,9 @@ class ResultWriter(ResultFolder):
         """Write the last report, and the note of the run."""
         self.write_report(result.report)
         files = [self.path / REPORT, *(self.path / FINISHED / "bones" / f"{name}.vtp" for name in bones)]
-        parts = {field: getattr(result, field) for field in ("motion", "literature", "crosses")}
+        parts = {field: getattr(result, field) for field in store.RESULT_FIELDS}
         digest = writing.file_digest(files[0])
-        note = RunNote(report=digest, bones=list(bones), files=self._sizes(files), **parts)
+        note = RunNote.model_construct(report=digest, bones=list(bones), files=self._sizes(files), **parts)
         writing.write_json(self.note_file(SCENE), note.model_dump())
 
     def _sizes(self, files: Iterable[Path]) -> dict[str, int]:
@@ -240,7 +231,4 @@ class ResultWriter(ResultFolder):
 
     def _stamped(self, data: vtkPolyData) -> vtkPolyData:
         """Return a shallow copy whose field data name the run."""
-        copy = shallow_copy(data)
-        for name, value in zip(STAMPS, self._stamp, strict=True):
-            add_arrays(copy, fields={name: value})
-        return copy
+        return add_arrays(shallow_copy(data), fields=dict(zip(STAMPS, self._stamp, strict=True)))
