@@ -166,9 +166,7 @@ class SheetPose:
         slopes: deque[float] = deque(maxlen=4)
         self.look_at(x)
         for number in range(ITERATIONS):
-            self.steps += 1
-            self._prepare_solve()
-            plain = slope = self._solve(self.gradient)
+            plain = slope = self.step()
             now = x, self.gradient.copy(), self.way.copy()
             if len(before) == SECANTS:
                 way = accelerated(now, before)
@@ -196,6 +194,12 @@ class SheetPose:
             if energy * (rate / (1.0 - rate)) ** 2 < enough:
                 return True
         return False
+
+    def step(self) -> float:
+        """Compute Newton's step, ``way``, and return its slope."""
+        self.steps += 1
+        self._prepare_solve()
+        return self._solve(self.gradient)
 
     def _prepare_solve(self) -> None:
         prepare_solve(self._blocks, self._sheet.neighbours.pairs, self._couplings, self._inverses)
