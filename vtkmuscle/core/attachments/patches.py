@@ -77,14 +77,9 @@ FACING = 0.5
 
 
 def attachment_patch(
-    points: Floats,
-    triangles: Ints,
-    landmarks: Floats,
-    closed: bool,
-    *,
-    tolerance: float | None = None,
+    points: Floats, triangles: Ints, landmarks: Floats, closed: bool, *, tolerance: float | None = None,
     bone_distance: FloatMap | None = None,
-) -> Ints:
+) -> Ints:  # fmt: skip
     """Return the muscle's points in an attachment area, (k,), ascending.
 
     Landmarks are projected to the nearest points of the muscle, on the side that faces the bone if within

@@ -184,13 +184,9 @@ class RestShape:
         turns = np.abs(angles - self._bent_angles)[defined]
         turns = np.minimum(turns, 2.0 * np.pi - turns)
         volume = volume_and_gradient(positions, self.topology.triangles, np.empty_like(positions))
-        return ShapeReport(
-            volume_ratio=volume / self.volume,
-            edge_stretch_p95=float(np.percentile(stretch, 95.0)),
-            edge_stretch_max=float(stretch.max()),
-            dihedral_error_p95=float(np.degrees(np.percentile(turns, 95.0))) if len(turns) else 0.0,
-            degenerate_edges=len(defined) - len(turns),
-        )
+        stretches = float(np.percentile(stretch, 95.0)), float(stretch.max())
+        turned = float(np.degrees(np.percentile(turns, 95.0))) if len(turns) else 0.0
+        return ShapeReport(volume / self.volume, *stretches, turned, len(defined) - len(turns))
 
 
 #: Times that bones and volume are attended to in turn at the end, at most, and the relative error of the

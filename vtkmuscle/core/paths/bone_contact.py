@@ -238,13 +238,9 @@ def _bend(p: Floats, normals: Floats, i: int, force: float, block: Floats) -> No
     """Reduce a point's stiffness. Along the path, by the bone's curvature."""
     u, v, w = p[i + 1, 0] - p[i - 1, 0], p[i + 1, 1] - p[i - 1, 1], p[i + 1, 2] - p[i - 1, 2]
     length2 = u * u + v * v + w * w
-    curve = (
-        (normals[i + 1, 0] - normals[i - 1, 0]) * u
-        + (normals[i + 1, 1] - normals[i - 1, 1]) * v
-        + (normals[i + 1, 2] - normals[i - 1, 2]) * w
-    )
-    inward = 0.0
+    curve, inward = 0.0, 0.0
     for c in range(3):
+        curve += (normals[i + 1, c] - normals[i - 1, c]) * (p[i + 1, c] - p[i - 1, c])
         inward += normals[i, c] * (2.0 * p[i, c] - p[i - 1, c] - p[i + 1, c])
     # No more than the springs press: what else does, in a pose that is not settled, must not turn them round.
     bend = min(force, max(inward, 0.0)) * curve / length2

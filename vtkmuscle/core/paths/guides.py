@@ -61,9 +61,8 @@ class Guides:
         ``guides`` are (g, n, 3); the result is (f, n, 3). ``moves`` (b, 4, 4) take points at rest to where
         the bones take them, or to their velocities with the bones; None for bones without velocity.
         """
-        result = np.zeros(self._fibres.shape)
-        if moves is not None:
-            result = with_bones(self._fibres, *self._ends, moves)
+        still = np.zeros(self._fibres.shape)
+        result = still if moves is None else with_bones(self._fibres, *self._ends, moves)
         drift = guides - result[self.numbers]
         result[self.numbers] = guides
         result[self._others] += (self._weights @ drift.swapaxes(0, 1)).swapaxes(0, 1)

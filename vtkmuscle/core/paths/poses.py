@@ -46,12 +46,9 @@ class KeptPoses:
         key = transforms.tobytes()
         if key not in self._states:
             corners, still = self._placed(transforms), np.broadcast_to(np.eye(4), transforms.shape)
-            start, nearest = self.rest, self._apart(self._placed(still), corners)
-            for state, placed in reversed(self._states.values()):
-                apart = self._apart(placed, corners)
-                if apart < nearest:
-                    start, nearest = state, apart
-            state = self._paths.follow(start, transforms)
+            starts = [(self.rest, self._placed(still)), *reversed(self._states.values())]
+            farthest_moves = [np.linalg.norm(corners - placed, axis=2).max() for _, placed in starts]
+            state = self._paths.follow(starts[int(np.argmin(farthest_moves))][0], transforms)
             self._states[key] = state, corners
             self._levers[key] = {}
             most = max(int(memory // max(state.nbytes, 1)), 1)
@@ -79,8 +76,3 @@ class KeptPoses:
         seen = inverse(transforms[self._bones[0]])
         boxes = zip(self._bones, self._corners, strict=True)
         return np.array([apply_transform(seen @ transforms[bone], box) for bone, box in boxes])
-
-    @staticmethod
-    def _apart(before: Floats, now: Floats) -> float:
-        """Return a corner's farthest move between two poses [mm]."""
-        return float(np.linalg.norm(now - before, axis=2).max())

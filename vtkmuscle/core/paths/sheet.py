@@ -126,46 +126,24 @@ class MusclePaths:
     over the bones of the path's ends (:mod:`~vtkmuscle.core.paths.surroundings`). A path passes through via
     rings. The paths are in equilibrium, followed from pose to pose. Both ends are treated alike.
 
-    Parameters
-    ----------
-    fibres : (f, n, 3) array
-        Points at rest, evenly spread along each fibre, n >= 3, origin to insertion [mm].
-    start_bones, end_bones : (f,) int arrays
-        Bones of the ends.
-    surface : (v, 3) array, (m, 3) int array
-        The muscle at rest [mm], and its triangles, outward, closed.
-    bones : mapping of int to Bone
-        Bones at rest by number, to keep paths away from.
-    rings : sequence of (int, ViaRing)
-        The bone that each via ring moves with, and the ring at rest.
-    n_paths : int
-        Number of solved paths. Fewer than the fibres carry the paths of all
+    fibres : (f, n, 3), points at rest, evenly spread along each fibre, n >= 3, origin to insertion [mm];
+    start_bones, end_bones : (f,) int, bones of the ends;
+    surface : (v, 3), (m, 3) int, the muscle at rest [mm], and its triangles, outward, closed;
+    bones : mapping of int to Bone, bones at rest by number, to keep paths away from;
+    rings : sequence of (int, ViaRing), the bone that each via ring moves with, and the ring at rest;
+    n_paths : number of solved paths. Fewer than the fibres carry the paths of all
         (:class:`~vtkmuscle.core.paths.guides.Guides`).
 
-    Attributes
-    ----------
-    rest : PathState
-        At rest.
-    thickness : float
-        2 V / A of the muscle, the mean thickness of a flat muscle [mm].
+    rest : PathState, at rest;
+    thickness : 2 V / A of the muscle, the mean thickness of a flat muscle [mm].
 
-    Raises
-    ------
-    ValueError
-        If a fibre has no length, or the muscle no volume.
+    Raises a ValueError if a fibre has no length, or the muscle no volume.
     """
 
     def __init__(
-        self,
-        fibres: Floats,
-        start_bones: Ints,
-        end_bones: Ints,
-        surface: tuple[Floats, Ints],
-        bones: Mapping[int, Bone],
-        *,
-        rings: Sequence[tuple[int, ViaRing]] = (),
-        n_paths: int = ALL_PATHS,
-    ) -> None:
+        self, fibres: Floats, start_bones: Ints, end_bones: Ints, surface: tuple[Floats, Ints],
+        bones: Mapping[int, Bone], *, rings: Sequence[tuple[int, ViaRing]] = (), n_paths: int = ALL_PATHS,
+    ) -> None:  # fmt: skip
         if not (lengths := path_lengths(fibres)).all():
             raise ValueError(f"fibre {int(lengths.argmin())} has no length")
         guides = None
@@ -203,12 +181,8 @@ class MusclePaths:
         on the way from ``before``; a different result of ``follow(rest, transforms)`` shows several
         equilibria.
 
-        Parameters
-        ----------
-        before : PathState
-            The paths before; not changed.
-        transforms : (b, 4, 4) array
-            Of the bones, rest to now.
+        before : PathState, the paths before; not changed;
+        transforms : (b, 4, 4), of the bones, rest to now.
         """
         transforms = np.array(transforms, dtype=np.float64)
         known = transforms.copy()  # a further bone has not moved

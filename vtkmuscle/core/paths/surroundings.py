@@ -58,13 +58,9 @@ class Surroundings(NamedTuple):
 
 
 def surroundings_of(
-    fibres: Floats,
-    start_bones: Ints,
-    end_bones: Ints,
-    pieces: Sequence[tuple[int, Bone]],
-    muscle: TriangleTree,
-    thickness: float,
-) -> Surroundings:
+    fibres: Floats, start_bones: Ints, end_bones: Ints, pieces: Sequence[tuple[int, Bone]],
+    muscle: TriangleTree, thickness: float,
+) -> Surroundings:  # fmt: skip
     """Return the forces that hold fibres at rest.
 
     Fibres (f, n, 3) are evenly spread. A chain of springs stays on a bent course x by the force

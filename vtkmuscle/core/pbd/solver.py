@@ -156,13 +156,9 @@ class PBDSolver:
     """
 
     def __init__(
-        self,
-        muscle: FixedMuscle,
-        parameters: Parameters,
-        bones: Mapping[int, Bone] = MappingProxyType({}),
-        clearance: float = 0.0,
-        voxels: tuple[int, int | None] | None = None,
-    ) -> None:
+        self, muscle: FixedMuscle, parameters: Parameters, bones: Mapping[int, Bone] = MappingProxyType({}),
+        clearance: float = 0.0, voxels: tuple[int, int | None] | None = None,
+    ) -> None:  # fmt: skip
         self.parameters = parameters
         points, fixed_to, topology = muscle.points, muscle.fixed_to, muscle.topology()
         directions = None

@@ -75,13 +75,9 @@ def _contains(at: Floats, cells: Cells, within: Bools) -> None:
 
 
 def build_voxel_grid(
-    points: Floats,
-    triangles: Ints,
-    *,
-    n_max: int = DEFAULT_N_MAX,
-    n_equal: int | None = None,
+    points: Floats, triangles: Ints, *, n_max: int = DEFAULT_N_MAX, n_equal: int | None = None,
     what: str = "voxels",
-) -> VoxelGrid:
+) -> VoxelGrid:  # fmt: skip
     """Return the voxels of a closed surface.
 
     Points are (n, 3), triangles (m, 3) at rest; a layer of cells is added. The bounding box is divided into
