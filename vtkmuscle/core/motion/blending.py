@@ -25,11 +25,13 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
     motions = RigidTransform(transforms, normalize=False).as_dual_quat()
     # q and -q are the same rotation: the sign nearer to the first blends the short way.
     motions[motions[:, :4] @ motions[0, :4] < 0.0] *= -1.0
-    mean = np.einsum("nb,bk->nk", weights, motions)
-    v, w, d, e = mean[:, :3], mean[:, 3:4], mean[:, 4:7], mean[:, 7:]
-    squares = np.maximum((mean[:, :4] ** 2).sum(axis=1, keepdims=True), EPSILON**2)
-    turned = np.cross(v, points) + w * points + d  # v x this is the turn; the shift is w d - e v + v x d
-    return np.asarray(points + 2.0 * (np.cross(v, turned) + w * d - e * v) / squares)
+    mean = np.einsum("nb,bk->kn", weights, motions)
+    (x, y, z, w, a, b, c, e), (p, q, r) = mean, points.T
+    squares = np.maximum((mean[:4] ** 2).sum(axis=0), EPSILON**2)
+    # v x p + w p + d, then v x that: the turn; the shift is w d - e v + v x d.
+    u, v, t = y * r - z * q + w * p + a, z * p - x * r + w * q + b, x * q - y * p + w * r + c
+    ways = y * t - z * v + w * a - e * x, z * u - x * t + w * b - e * y, x * v - y * u + w * c - e * z
+    return np.asarray(points + 2.0 * np.stack(ways, axis=1) / squares[:, None])
 
 
 def screws_between(start: Floats, end: Floats, fraction: float) -> Floats:
