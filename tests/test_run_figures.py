@@ -17,6 +17,7 @@ from two_joint_scene import JOINTS, save_strap, scene_with
 from vtkmuscle import Scene
 from vtkmuscle.plotting import can_render, drawing
 from vtkmuscle.plotting.drawing import FigureOrder
+from vtkmuscle.plotting.sheets import SCREEN
 from vtkmuscle.run import figures as run_figures
 from vtkmuscle.run import steps as run_steps
 
@@ -124,7 +125,7 @@ def pair(scene):
 @pytest.mark.slow
 def test_figures_that_another_process_draws_are_those_that_this_one_draws(renders, pair, tmp_path):
     result = pair.run(tmp_path / "out", frames="0:3", workers=2)
-    written = result.write_figures(tmp_path / "again")
+    written = result.write_figures(tmp_path / "again", dpi=SCREEN)
     assert sorted(path.name for path in written) == result.report["figures"]["written"]
     for path in written:
         there, here = (np.asarray(Image.open(one)) for one in (tmp_path / "out/figures" / path.name, path))

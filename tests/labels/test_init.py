@@ -10,7 +10,15 @@ from vtkmodules.vtkIOGeometry import vtkSTLWriter
 
 import vtkmuscle
 from vtkmuscle.cli import app
-from vtkmuscle.data.arrays import blocks_of, points_of, surface_from, triangles_of, with_points
+from vtkmuscle.core.mesh.surface import survey
+from vtkmuscle.data.arrays import (
+    blocks_of,
+    checked_surface,
+    points_of,
+    surface_from,
+    triangles_of,
+    with_points,
+)
 from vtkmuscle.io.writing import write_polydata
 from vtkmuscle.labels import page
 from vtkmuscle.phantoms import hip
@@ -145,7 +153,7 @@ def test_surfaces_are_looked_at_before_a_guess_is_made(files, tmp_path):
     done = init(*files, "--out", tmp_path / "scene")
     words = " ".join(done.output.split())
     assert (
-        "gluteus_medius_right: the surface is open: 3 edges belong to one triangle only; fill the holes"
+        "gluteus_medius_right: the surface is open: 3 edges belong to one triangle only; use vtkmuscle init"
         in words
     )
     assert list(vtkmuscle.Scene.load(tmp_path / "scene/scene.toml").muscles) == ["iliacus_right"]
@@ -154,3 +162,39 @@ def test_surfaces_are_looked_at_before_a_guess_is_made(files, tmp_path):
     writer.Write()
     done = init(*files, tmp_path / "femur_l.stl", "--out", tmp_path / "other")
     assert "the header says RAS, but the frame is LPS; use --frame RAS" in " ".join(done.output.split())
+
+
+def test_a_torn_muscle_is_repaired_on_request(files, tmp_path):
+    """Holes, sides and crumbs of a muscle are repaired, up to a hundredth, and the given file stays."""
+    whole = HIP.muscles["gluteus_medius"]
+    points, triangles = METRES * points_of(whole), triangles_of(whole, "medius")
+    crumb = points[triangles[0]].mean(axis=0) + 1e-4 * np.vstack([np.zeros(3), np.eye(3)])
+    corners = len(points) + np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
+    torn = np.vstack([triangles[1:50, ::-1], triangles[50:], corners])
+    write_polydata(files[2], surface_from(np.vstack([points, crumb]), torn))
+    before = files[2].read_bytes()
+    done = init(*files, "--repair", "--out", tmp_path / "scene")
+    assert done.exit_code == 0, done.output
+    guesses = (tmp_path / "scene/guesses.csv").read_text()
+    for words in ("1 hole(s), 3 edges, were closed", "49 of ", "1 small part(s) were left out"):
+        assert words in guesses
+    surface = vtkmuscle.Scene.load(tmp_path / "scene/scene.toml").muscles["gluteus_medius_right"].surface
+    assert survey(*checked_surface(surface, "")).volume == pytest.approx(
+        METRES**3 * survey(points_of(whole), triangles).volume, rel=1e-3
+    )
+    assert files[2].read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("kept", "words"), [(slice(300, None), "closed holes would be"), ("both", "all parts but")]
+)
+def test_large_faults_of_a_muscle_are_not_repaired(files, tmp_path, kept, words):
+    muscle = HIP.muscles["gluteus_medius"]
+    points, triangles = METRES * points_of(muscle), triangles_of(muscle, "medius")
+    if kept == "both":
+        points, triangles = np.vstack([points, points + 0.5]), np.vstack([triangles, triangles + len(points)])
+    else:
+        triangles = triangles[kept]
+    write_polydata(files[2], surface_from(points, triangles))
+    done = init(*files, "--repair", "--out", tmp_path / "scene")
+    assert f"left out: gluteus_medius_right: {words}" in " ".join(done.output.split())

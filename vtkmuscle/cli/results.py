@@ -243,6 +243,7 @@ def init(
     out: shared.FolderOption = Path(),
     bone: Annotated[list[str] | None, Option(metavar="NAME", help="A bone.")] = None,
     muscle: Annotated[list[str] | None, Option(metavar="NAME", help="A muscle.")] = None,
+    repair: Annotated[bool, Option("--repair", help="Close small holes of muscles.")] = False,
     frame: FrameOption = "LPS",
     overwrite: shared.OverwriteOption = False,
     quiet: shared.QuietOption = False,
@@ -253,7 +254,7 @@ def init(
     joints. guesses.csv and comments in scene.toml list each guess with a confidence.
     """
     named = {"bones": bone or (), "muscles": muscle or ()}
-    _tell(vtkmuscle.init(files, out, frame=frame, overwrite=overwrite, **named), quiet)
+    _tell(vtkmuscle.init(files, out, frame=frame, repair=repair, overwrite=overwrite, **named), quiet)
 
 
 def _tell(draft: Draft, quiet: bool) -> None:

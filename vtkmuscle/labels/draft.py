@@ -25,7 +25,7 @@ from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, stated_frame
 from vtkmuscle.io.writing import write_polydata, write_text
 from vtkmuscle.labels.guesses import FACING, LEFT_OUT, Guess, guessed_joints, moving_chain, table_of
 from vtkmuscle.labels.reading import kind_of
-from vtkmuscle.scene.checks import closed_surface
+from vtkmuscle.scene.checks import closed_surface, repaired_surface
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.reading import areas_in_contact
 from vtkmuscle.scene.writing import inline_toml, write_areas
@@ -206,7 +206,9 @@ def likely_unit(longest: float) -> tuple[str, float]:
     return ("m", 0.9) if longest <= LONGEST_IN_METRES else ("cm", 0.3)
 
 
-def draft_of_files(files: Sequence[Path], out: Path, stated: Mapping[str, str], frame: str) -> Draft:
+def draft_of_files(
+    files: Sequence[Path], out: Path, stated: Mapping[str, str], frame: str, *, repair: bool
+) -> Draft:
     """Return an incomplete scene of meshes and landmarks, as of :func:`~vtkmuscle.labels.init`.
 
     ``stated`` is ``"bone"`` or ``"muscle"`` by name. FileNotFoundError or ValueError if a file cannot be
@@ -243,10 +245,14 @@ def draft_of_files(files: Sequence[Path], out: Path, stated: Mapping[str, str], 
         getattr(draft, f"{kind}s")[name] = with_points(mesh, scale * points_of(mesh))
     for name, muscle in list(draft.muscles.items()):
         try:
-            draft.muscles[name], turned = closed_surface(muscle)
+            mended, repairs = repaired_surface(muscle) if repair else (muscle, "")
+            draft.muscles[name], turned = closed_surface(mended)
         except InputError as error:
             draft.leave_out(name, "; ".join(fault_of(error)))
             continue
+        if repairs:
+            del draft.surfaces[f"muscles/{name}.vtp"]  # so the mended surface is written
+            draft.guess(f"muscles.{name}.surface", "repaired", 0.5, repairs)
         if turned:
             why = "the surface is inside out; a run turns its triangles"
             draft.guess(f"muscles.{name}.surface", "turned", 0.9, why)

@@ -45,6 +45,7 @@ def init(
     bones: Sequence[str] = (),
     muscles: Sequence[str] = (),
     frame: str = "LPS",
+    repair: bool = False,
     overwrite: bool = False,
 ) -> Draft:
     """Write a scene.toml from meshes and landmarks, guessing missing input.
@@ -59,6 +60,9 @@ def init(
         File names, without endings, of bones and muscles with unrecognised names.
     frame : str, optional
         Frame of the files, ``"LPS"`` or ``"RAS"``.
+    repair : bool, optional
+        Whether muscles are closed, oriented, and freed of small parts, where holes and lost parts are at
+        most a hundredth; the repaired surfaces are written beside the scene.
     overwrite : bool, optional
         Whether files from elsewhere are replaced; inputs never are.
 
@@ -81,7 +85,7 @@ def init(
     folder, inputs = Path(out), [Path(file) for file in files]
     outputs = Outputs.for_file(folder / "scene.toml", inputs, overwrite=overwrite)
     stated = dict.fromkeys(map(plain_name, bones), "bone") | dict.fromkeys(map(plain_name, muscles), "muscle")
-    draft = draft_of_files(inputs, folder, stated, frame)
+    draft = draft_of_files(inputs, folder, stated, frame, repair=repair)
     draft.complete()
     if draft.lacks:
         raise InputError(draft.name, draft.lacks)

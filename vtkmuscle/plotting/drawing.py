@@ -86,12 +86,12 @@ class FigureOrder:
     ) -> Path:
         """Draw the figure into a folder, of a ``width`` and ``dpi``; return the file."""
         from vtkmuscle.plotting import figures  # noqa: PLC0415 -- loads matplotlib
-        from vtkmuscle.plotting.sheets import DOTS_PER_INCH, WIDTH, save_figure  # noqa: PLC0415
+        from vtkmuscle.plotting.sheets import SCREEN, WIDTH, save_figure  # noqa: PLC0415
 
         scene = {"bones": bones, "studio": studio} if self.rendered else {}
         path, width = folder / f"{self.name}.{form}", options.get("width", WIDTH)
         figure = getattr(figures, self.plot)(**self.arguments, **scene, width=width)
-        save_figure(figure, path, form, options.get("dpi", DOTS_PER_INCH))
+        save_figure(figure, path, form, options.get("dpi", SCREEN))
         return path
 
 

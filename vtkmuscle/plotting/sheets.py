@@ -21,6 +21,8 @@ from vtkmuscle.io.writing import replacing
 from vtkmuscle.plotting.views import View
 
 DOTS_PER_INCH = 300
+#: Pixels per inch of a run's figures: 1063 across, the width of a page in a browser.
+SCREEN = 150.0
 #: Width of a figure, two columns of a journal; and of an inch [mm].
 WIDTH, INCH = 180.0, 25.4
 #: Letters and lines of figures in a journal, which asks for 7 points at least.
@@ -140,7 +142,7 @@ def blank_figure(width: float, height: float, layout: Any = None) -> Figure:
     return figure
 
 
-def save_figure(figure: Figure, path: Path, form: str = "png", dpi: float = 150.0) -> None:
+def save_figure(figure: Figure, path: Path, form: str = "png", dpi: float = SCREEN) -> None:
     """Write a figure as png, pdf or svg, all or nothing. Text and lines stay vectors in pdf and svg."""
     options: dict[str, Any] = {"pil_kwargs": {"compress_level": 1}}
     if form != "png":

@@ -97,10 +97,10 @@ def _drawn(
     """Draw figures in turn, and return the files."""
     import matplotlib as mpl  # noqa: PLC0415 -- only figures need it
 
-    from vtkmuscle.plotting.sheets import DOTS_PER_INCH, set_style  # noqa: PLC0415
+    from vtkmuscle.plotting.sheets import DOTS_PER_INCH, SCREEN, set_style  # noqa: PLC0415
     from vtkmuscle.plotting.studio import Studio  # noqa: PLC0415
 
-    with mpl.rc_context(), Studio(options.get("dpi", DOTS_PER_INCH) / DOTS_PER_INCH) as studio:
+    with mpl.rc_context(), Studio(options.get("dpi", SCREEN) / DOTS_PER_INCH) as studio:
         set_style()
         return [order.write(folder, bones, studio, form, **options) for order in orders]
 

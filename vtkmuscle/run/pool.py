@@ -155,10 +155,10 @@ def _draw(given: Path, folder: Path) -> float:
     order: FigureOrder = pickle.loads(given.read_bytes())
     before = time.perf_counter()
     if _Worker.studio is None:
-        from vtkmuscle.plotting.sheets import set_style  # noqa: PLC0415 -- only figures need it
+        from vtkmuscle.plotting.sheets import DOTS_PER_INCH, SCREEN, set_style  # noqa: PLC0415 -- figures need it
         from vtkmuscle.plotting.studio import Studio  # noqa: PLC0415
 
         set_style()
-        _Worker.studio = Studio()
+        _Worker.studio = Studio(SCREEN / DOTS_PER_INCH)
     order.write(folder, _Worker.bones, _Worker.studio)
     return time.perf_counter() - before
