@@ -1,7 +1,4 @@
-"""A bone with exact surface and signed distance.
-
-The signed distance is a field that is filled where looked up.
-"""
+"""A bone with exact surface, and distances filled where looked up."""
 
 from __future__ import annotations
 

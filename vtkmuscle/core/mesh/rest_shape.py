@@ -209,20 +209,14 @@ class Volume:
         self._gradient: Floats = np.empty_like(shape.points)
 
     def restore(self, points: Floats, held: Bools | None = None) -> float:
-        """Move points towards the rest volume.
-
-        Points (n, 3) that are held stay. Return the relative error of the volume before.
-        """
+        """Move points to the rest volume. Held points stay; return the relative error before."""
         mass = self._mass if held is None else np.where(held, 0.0, self._mass)
         rest = self._triangles, self._rest, 1.0, self._floor
         volume = project_volume(points, mass, mass, *rest, self._gradient)
         return abs(volume / self._rest - 1.0)
 
     def finish(self, points: Floats, keep_out: Callable[[Floats], Bools]) -> Bools:
-        """Take points out of the bones.
-
-        The remaining points give back the lost volume; return the held points.
-        """
+        """Take points out of the bones. Others give back the volume; return the held points."""
         held = np.zeros(len(points), dtype=np.bool_)
         for _ in range(LAST_PASSES):
             new = keep_out(points) & ~held

@@ -1,7 +1,4 @@
-"""Fibres as evenly spread points for paths.
-
-Lines over the surface stand in for fibres where a muscle has no fibres.
-"""
+"""Fibres as evenly spread points for paths, or lines over the surface."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""A sheet of paths in a pose of the bones.
-
-The module has the forces on the sheet's points, and the sheet's forces on the bones.
-"""
+"""A sheet of paths in a pose: forces on the sheet, and on the bones."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""A muscle's paths as one taut sheet round bones.
-
-The paths run beside each other in every pose.
-"""
+"""A muscle's paths as one taut sheet round bones."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The surroundings of a muscle's paths at rest.
-
-Bones, tissue and pressure hold the paths in every pose.
-"""
+"""Bones, tissue and pressure that hold a muscle's paths."""
 
 from __future__ import annotations
 

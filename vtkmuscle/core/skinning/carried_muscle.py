@@ -1,7 +1,4 @@
-"""A muscle's surface carried by paths, then settled.
-
-Bones carry a muscle without paths.
-"""
+"""A muscle's surface carried by paths or bones, then settled."""
 
 from __future__ import annotations
 

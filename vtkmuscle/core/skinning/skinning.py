@@ -1,7 +1,4 @@
-"""A muscle skinned to its paths.
-
-The method is linear blend skinning with frames by shape matching.
-"""
+"""A muscle skinned to its paths, with frames by shape matching."""
 
 from __future__ import annotations
 
