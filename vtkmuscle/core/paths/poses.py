@@ -19,7 +19,7 @@ class KeptPoses:
     """
 
     def __init__(self, paths: MusclePaths) -> None:
-        self._paths = paths
+        self._paths, self.rest = paths, paths.rest
         ends = [(paths.start_bones, paths.fibres[:, 0]), (paths.end_bones, paths.fibres[:, -1])]
         self._bones: Ints = np.unique(np.concatenate([bones for bones, _ in ends]))
         boxes = []
@@ -32,11 +32,6 @@ class KeptPoses:
         self._states: dict[bytes, tuple[PathState, Floats]] = {}
         #: Levers in each of these poses, by coordinate and its twists.
         self._levers: dict[bytes, dict[tuple[str, bytes], Floats]] = {}
-
-    @property
-    def rest(self) -> PathState:
-        """The paths at rest."""
-        return self._paths.rest
 
     def at(self, transforms: Floats, *, memory: float) -> PathState:
         """Return the paths in a pose. Transforms (b, 4, 4) of the bones lead from rest to now.

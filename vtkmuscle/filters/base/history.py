@@ -77,7 +77,7 @@ class HistoryFilter(Filter, Generic[Frame]):
         takes the frame before (None at first) and the moving arguments, and returns the next frame.
         """
         path = self.path
-        for index in range(self._n_known(path), len(path)):
+        for index in range(self._n_stored(path), len(path)):
             self._done = index, len(path)
             before, data = self._frames[path[index - 1]] if index else None, arguments
             if path[index] != self._asked:
@@ -121,13 +121,13 @@ class HistoryFilter(Filter, Generic[Frame]):
             self._frames.clear()
             return 1
         self.request_time = requested_time(outInfo.GetInformationObject(0))
-        missing = self.path[self._n_known(self.path) :]
+        missing = self.path[self._n_stored(self.path) :]
         self._asked = (missing or self.path[-1:])[0]
         for number in connected:
             request_time(inInfo[number].GetInformationObject(0), self._asked)
         return 1
 
-    def _n_known(self, path: Sequence[Time]) -> int:
+    def _n_stored(self, path: Sequence[Time]) -> int:
         """Return the index after a path's last stored frame."""
         return max((i + 1 for i, time in enumerate(path) if time in self._frames), default=0)
 
