@@ -130,7 +130,7 @@ def _check_area(area: AttachmentArea, surface: vtkPolyData, units: str) -> None:
     _check_distance("the landmarks are", landmarks, points, units)
     if area.role != VIA:
         return
-    ring = via_ring(area.landmarks)
+    ring = via_ring(landmarks)
     if not passes_through(ring, points, triangles):
         gap = np.linalg.norm(points - ring.centre, axis=1).min()
         raise InputError("", *words_of("beside_ring", gap=gap, units=units))
