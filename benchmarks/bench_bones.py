@@ -15,7 +15,7 @@ import numpy as np
 
 from vtkmuscle import Scene
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.bones.contact import BoneContact
+from vtkmuscle.core.bones.contact import BoneContact, PoseContact
 from vtkmuscle.data.arrays import checked_surface
 
 #: Cells that are compared [mm]; None for that of the bone's size.
@@ -63,7 +63,8 @@ def measure(name, surface, rng, *, cell):
     start = near_surface(*surface, rng, count=20_000, distance=0.0)
     end = start + rng.normal(scale=1.0, size=start.shape)
     free = np.ones(len(end), dtype=bool)
-    moved = BoneContact({0: bone}, start, free).at(np.eye(4)[None]).keep_out(end)
+    contact = BoneContact({0: bone}, start, free)
+    moved = PoseContact(contact, np.eye(4)[None], [], np.zeros(3)).keep_out(end)
     depth = bone.depth(end)
     print(
         f"{name:8s} cell {bone.cell:4.2f} mm, {moved.sum()} of {len(end)} points pushed out: exact depth p95 "

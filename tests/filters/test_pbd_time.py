@@ -11,7 +11,7 @@ from test_pbd_deformer import bones, spindle
 from vtkmuscle.core import fixed_muscle
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.pbd import solver, sweep, voxels
-from vtkmuscle.filters.base.history import Checkpoints
+from vtkmuscle.filters.base.history import thin
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 
@@ -148,10 +148,10 @@ def test_a_change_redoes_what_depends_on_it_and_nothing_else(work, quality, name
 
 
 def kept_after_a_straight_run(n_steps, room):
-    checkpoints, steps = Checkpoints(), [float(i) for i in range(n_steps)]
+    checkpoints, steps = {}, [float(i) for i in range(n_steps)]
     for i in range(n_steps):
         checkpoints[steps[i]] = i
-        checkpoints.thin(steps, steps[max(i - 1, 0) : i + 1], nbytes=10, memory=10.0 * room)
+        thin(checkpoints, steps, steps[max(i - 1, 0) : i + 1], nbytes=10, memory=10.0 * room)
     return checkpoints, [step for step in steps if step in checkpoints]
 
 

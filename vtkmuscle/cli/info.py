@@ -82,7 +82,7 @@ def _of_model(model: OsimModel) -> dict[str, str]:
         "muscles": model.muscles,
         "ligaments": model.ligaments,
         "wrapped": [name for name, one in model.paths.items() if getattr(one.path, "wraps", ())],
-        "meshes": [mesh.file for mesh in model.meshes],
+        "meshes": [file for _, file in model.meshes],
         "not used": model.not_used,
     }
     facts = {word: _listed(list(names)) for word, names in lists.items() if names}

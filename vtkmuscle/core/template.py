@@ -239,14 +239,9 @@ def principal_axis(points: Floats, origin: Floats, insertion: Floats) -> Floats:
 
 
 def fit_box(
-    points: Floats,
-    axis: Floats,
-    *,
-    landmarks: tuple[Floats, Floats],
-    areas: tuple[Floats, Floats],
-    angle_step: float,
-    guide: Callable[[Floats], float] | None = None,
-) -> BoxFit:
+    points: Floats, axis: Floats, *, landmarks: tuple[Floats, Floats], areas: tuple[Floats, Floats],
+    angle_step: float, guide: Callable[[Floats], float] | None = None,
+) -> BoxFit:  # fmt: skip
     """Return the box with areas nearest to the attachments.
 
     Boxes around an axis are turned about it by a full turn, step by step; each is the least box of its

@@ -91,14 +91,9 @@ class AttachmentEstimator(Filter):
 
 
 def estimated_areas(
-    muscle: vtkPolyData,
-    bones: Mapping[str, vtkPolyData],
-    *,
-    within: float = NEAR,
-    origin: str | None = None,
-    insertion: str | None = None,
-    bodies: Sequence[Sequence[str]] = (),
-) -> list[AttachmentArea]:
+    muscle: vtkPolyData, bones: Mapping[str, vtkPolyData], *, within: float = NEAR, origin: str | None = None,
+    insertion: str | None = None, bodies: Sequence[Sequence[str]] = (),
+) -> list[AttachmentArea]:  # fmt: skip
     """Return the likely attachment areas of a muscle, by :func:`attached_ends`.
 
     ``within`` is the largest distance between a bone and its attachment [mm]; ``bodies`` are groups of bones

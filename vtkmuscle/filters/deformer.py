@@ -114,13 +114,9 @@ FIGURES = SHAPE | {
 
 
 def deformed_muscle(
-    data: vtkPolyData,
-    rest: FixedMuscle,
-    pose: State | CarriedPose,
-    shape: RestShape,
-    bones: Iterable[tuple[Bone, Floats]],
-    measured: tuple[bool, bool],
-) -> vtkPolyData:
+    data: vtkPolyData, rest: FixedMuscle, pose: State | CarriedPose, shape: RestShape,
+    bones: Iterable[tuple[Bone, Floats]], measured: tuple[bool, bool],
+) -> vtkPolyData:  # fmt: skip
     """Return a muscle in a pose; if wanted, with measures of its shape and of its depth in bones."""
     result: vtkPolyData = with_points(data, pose.surface)
     add_arrays(result, points={"Displacement": pose.surface - rest.points})

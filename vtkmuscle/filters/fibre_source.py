@@ -110,12 +110,9 @@ class FibreSource(Filter):
     output = OutputPort(vtkPolyData)
 
     def execute(
-        self,
-        muscle: Surface,
-        attachments: Areas | None,
-        superficial: vtkPolyData | None,
+        self, muscle: Surface, attachments: Areas | None, superficial: vtkPolyData | None,
         aponeuroses: list[Aponeurosis] | None,
-    ) -> vtkPolyData:
+    ) -> vtkPolyData:  # fmt: skip
         """Return the fibres."""
         if self.course == "sections" and aponeuroses is not None:
             problem = "course='sections' leads fibres between attachment areas, but aponeuroses are connected"

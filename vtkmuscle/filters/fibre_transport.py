@@ -165,13 +165,9 @@ class StiffTendons(Filter):
     output = OutputPort(vtkPolyData)
 
     def execute(
-        self,
-        fibres: Polylines,
-        rest_fibres: Polylines,
-        rest_muscle: Surface,
-        deformed_muscle: Surface,
+        self, fibres: Polylines, rest_fibres: Polylines, rest_muscle: Surface, deformed_muscle: Surface,
         paths: PathLines | None,
-    ) -> vtkPolyData:
+    ) -> vtkPolyData:  # fmt: skip
         """Return the fibres with their ends held."""
         if paths is None:
             raise InputError("paths", "the data set has no paths", "fix the muscle to two bones")

@@ -145,14 +145,9 @@ class PathDeformer(Filter):
         return super().ProcessRequest(request, inInfo, outInfo)
 
     def execute(
-        self,
-        muscle: Surface,
-        paths: PathLines | None,
-        rest_bones: RestBones,
-        bones: MovingBones,
-        neighbours: vtkMultiBlockDataSet | None,
-        fibres: Polylines | None,
-    ) -> tuple[vtkPolyData, vtkPolyData | None]:
+        self, muscle: Surface, paths: PathLines | None, rest_bones: RestBones, bones: MovingBones,
+        neighbours: vtkMultiBlockDataSet | None, fibres: Polylines | None,
+    ) -> tuple[vtkPolyData, vtkPolyData | None]:  # fmt: skip
         """Return the muscle and, on request, the fibres at the requested time."""
         rest_bones.check_same(bones)
         fixed = fixed_muscle(muscle, list(rest_bones.surfaces), fibres)

@@ -111,21 +111,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
     output = OutputPort(vtkPolyData)
 
     moving = ("bones", "start", "neighbours")
-
-    def __init__(self, **settings: Any) -> None:
-        self._neighbours: Neighbours | None = None
-        super().__init__(**settings)
-
-    def settings_of_frames(self) -> dict[str, Any]:
-        """Return the parameters that affect a frame."""
-        settings = super().settings_of_frames()
-        del settings["measure_shape"], settings["measure_penetration"]
-        return settings
-
-    def forget(self) -> None:
-        """Drop all frames, and the neighbours' shapes at rest."""
-        super().forget()
-        self._neighbours = None
+    without_effect = ("checkpoint_memory", "measure_shape", "measure_penetration")
 
     @property
     def path(self) -> list[float | None]:
@@ -133,17 +119,12 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
         return [self.request_time] if self.start is not None else super().path
 
     def execute(
-        self,
-        muscle: Surface,
-        rest_bones: RestBones,
-        bones: MovingBones,
-        fibres: Polylines | None,
-        start: Surface | None,
-        neighbours: vtkMultiBlockDataSet | None,
-    ) -> vtkPolyData:
+        self, muscle: Surface, rest_bones: RestBones, bones: MovingBones, fibres: Polylines | None,
+        start: Surface | None, neighbours: vtkMultiBlockDataSet | None,
+    ) -> vtkPolyData:  # fmt: skip
         """Return the muscle at the requested time."""
         driven = self.prediction == "velocity" and any(self.external_force)
-        rest = fixed_muscle(muscle, bones.names, fibres, driven=driven)
+        rest = fixed_muscle(muscle, list(bones.surfaces), fibres, driven=driven)
         rest_bones.check_same(bones)
         measured, collides = (self.measure_shape, self.measure_penetration), self.collision != "off"
         shapes = rest_bones.shapes if collides or self.measure_penetration else {}
@@ -155,18 +136,13 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
         with errors_at("muscle"):
             made_from = rest, Parameters(**of_solver), more, count
             solver, levels = self.once("solver", made_from, self._made)
+        # The neighbours' shapes at rest belong to the inputs.
+        of_inputs = self._made_with, *levels
+        beside = self.once("neighbours", of_inputs, lambda _, *rests: Neighbours(*rests))
 
-        def advance(
-            before: State | None,
-            bones: MovingBones,
-            start: Surface | None,
-            neighbours: vtkMultiBlockDataSet | None,
-        ) -> State:
+        def advance(before: State | None, bones: MovingBones, start: Surface | None, near: Any) -> State:
             """Return the state after another one."""
-            if self._neighbours is None:
-                self._neighbours = Neighbours(*levels)
-            contacts = self._neighbours.at(neighbours)
-            options: dict[str, Any] = {"near": contacts, "report": self.report_part}
+            options: dict[str, Any] = {"near": beside.at(near), "report": self.report_part}
             if start is None:
                 last = solver.at_rest(len(bones.surfaces)) if before is None else before
                 return solver.step(last, bones.transforms, **options)
@@ -187,7 +163,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
         self, muscle: FixedMuscle, settings: Parameters, more: tuple[Any, ...], count: int
     ) -> tuple[PBDSolver | TwoLevels, list[Floats]]:
         """Return the solver, and points at rest by level, after a change of muscle, bones or parameters."""
-        self.forget()
+        self._frames.clear()
         coarse = _coarser(muscle, count) if count else None
         if coarse is None:
             return PBDSolver(muscle, settings, *more), [muscle.points]

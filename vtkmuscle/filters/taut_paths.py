@@ -136,13 +136,9 @@ class TautPaths(Filter):
     times_from = "bones"
 
     def execute(
-        self,
-        rest_fibres: Polylines | None,
-        rest_muscle: Surface,
-        rest_bones: RestBones,
-        bones: MovingBones,
+        self, rest_fibres: Polylines | None, rest_muscle: Surface, rest_bones: RestBones, bones: MovingBones,
         attachments: vtkMultiBlockDataSet | None,
-    ) -> vtkPolyData:
+    ) -> vtkPolyData:  # fmt: skip
         """Return the paths at the requested time."""
         rest_bones.check_same(bones)
         names = list(rest_bones.surfaces)

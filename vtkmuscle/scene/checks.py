@@ -72,8 +72,7 @@ def _arrays(surface: vtkPolyData) -> tuple[Floats, Ints]:
     points, triangles = checked_surface(surface, "")
     if np.abs(points).max() > _LARGEST:
         point = int(np.abs(points).max(axis=1).argmax())
-        problem = f"point {point} has a coordinate of {np.abs(points[point]).max():.4g}"
-        raise InputError("", problem, "correct that point, or remove it")
+        raise InputError("", *words_of("huge", point=point, size=np.abs(points[point]).max()))
     return points, triangles
 
 
@@ -131,7 +130,7 @@ def _check_area(area: AttachmentArea, surface: vtkPolyData, units: str) -> None:
     _check_distance("the landmarks are", landmarks, points, units)
     if area.role != VIA:
         return
-    ring = via_ring(area.landmarks)
+    ring = via_ring(landmarks)
     if not passes_through(ring, points, triangles):
         gap = np.linalg.norm(points - ring.centre, axis=1).min()
         raise InputError("", *words_of("beside_ring", gap=gap, units=units))

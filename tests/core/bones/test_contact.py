@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from shapes import box, distance_to_box, sphere
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.bones.contact import BoneContact
+from vtkmuscle.core.bones.contact import BoneContact, PoseContact
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 
 STILL = np.eye(4)[None]
@@ -24,7 +24,8 @@ def keep_out(bones, p, *, rest=None, transforms=STILL, free=None, clearance=0.0,
     rest = np.tile(FAR, (len(p), 1)) if rest is None else np.asarray(rest, dtype=float)
     free = np.ones(len(p), dtype=bool) if free is None else free
     bones = dict(enumerate(bones)) if isinstance(bones, list) else {0: bones}
-    moved = BoneContact(bones, rest, free, clearance).at(transforms, centre=centre).keep_out(p)
+    contact = BoneContact(bones, rest, free, clearance)
+    moved = PoseContact(contact, transforms, [], np.zeros(3) if centre is None else centre).keep_out(p)
     return p, moved
 
 
@@ -122,11 +123,11 @@ def test_points_passed_over_are_those_that_would_not_be_moved(globe, rng, pace):
     now = rotation_about([3.0, -2.0, 30.0], [1.0, 2.0, 0.5], 20.0)[None]
     x = apply_transform(now[0], x)
     contact = BoneContact({0: globe}, np.tile(FAR, (500, 1)), np.ones(500, dtype=bool))
-    pose, touched = contact.at(now), 0
+    pose, touched = PoseContact(contact, now, [], np.zeros(3)), 0
     for _ in range(12):
         p = x + rng.normal(scale=pace, size=x.shape)
         expected = p.copy()
-        expected_moved = contact.at(now).keep_out(expected)
+        expected_moved = PoseContact(contact, now, [], np.zeros(3)).keep_out(expected)
         moved = pose.keep_out(p)
         assert np.array_equal(moved, expected_moved)
         assert np.array_equal(p, expected)

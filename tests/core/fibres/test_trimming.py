@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from vtkmuscle.core.fibres.trimming import (
     EndArea,
     assign_positions,
-    closest_to_rays,
+    closest_to_ray,
     ends_as_printed,
     trim_fibres,
 )
@@ -244,7 +244,7 @@ def test_no_point_of_the_triangles_is_closer_to_the_ray(seed):
     start, ahead = rng.normal(size=3), rng.normal(size=3)
     ahead /= np.linalg.norm(ahead)
     tree = triangle_tree(corners.reshape(-1, 3), np.arange(15).reshape(5, 3))
-    found = closest_to_rays(start[None], ahead[None], tree)[0]
+    found = closest_to_ray(start, ahead, tree)
     weights = rng.dirichlet([0.6, 0.6, 0.6], (5, 4000))
     sampled = np.einsum("mks,msd->mkd", weights, corners).reshape(-1, 3)
     least = distance_to_ray(sampled, start, ahead).min()

@@ -102,7 +102,6 @@ def test_what_a_muscle_passes_through():
     [
         (SQUARE[:2], "3 landmarks or more.*there are 2"),
         (SQUARE[[0, 1, 1]], "there are 2"),
-        (SQUARE * [np.nan, 1.0, 1.0], "finite points"),
         (SQUARE * [1.0, 1e-6, 1.0], "on a line"),
         (SQUARE[[0, 2, 1, 3]], "crosses itself"),
         (SQUARE + [[0, 0, 3.0], [0, 0, -3.0]] * 2, "off the plane of a ring"),

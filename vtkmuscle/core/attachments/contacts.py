@@ -62,14 +62,9 @@ class AttachedEnd(NamedTuple):
 
 
 def attached_ends(
-    points: Floats,
-    triangles: Ints,
-    distances: Mapping[str, Floats],
-    *,
-    within: float,
-    between: Sequence[str] = (),
-    bodies: Sequence[Sequence[str]] = (),
-) -> tuple[AttachedEnd, AttachedEnd]:
+    points: Floats, triangles: Ints, distances: Mapping[str, Floats], *, within: float,
+    between: Sequence[str] = (), bodies: Sequence[Sequence[str]] = (),
+) -> tuple[AttachedEnd, AttachedEnd]:  # fmt: skip
     """Return the likely attachments at both ends, the larger first.
 
     Each pair of bones has a span, and the longest is the muscle's: a passed bone has a shorter span. The

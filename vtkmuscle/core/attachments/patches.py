@@ -77,14 +77,9 @@ FACING = 0.5
 
 
 def attachment_patch(
-    points: Floats,
-    triangles: Ints,
-    landmarks: Floats,
-    closed: bool,
-    *,
-    tolerance: float | None = None,
+    points: Floats, triangles: Ints, landmarks: Floats, closed: bool, *, tolerance: float | None = None,
     bone_distance: FloatMap | None = None,
-) -> Ints:
+) -> Ints:  # fmt: skip
     """Return the muscle's points in an attachment area, (k,), ascending.
 
     Landmarks are projected to the nearest points of the muscle, on the side that faces the bone if within
@@ -95,15 +90,15 @@ def attachment_patch(
     side of the muscle.
 
     points, triangles : (n, 3), (m, 3), the muscle [mm];
-    landmarks : (k, 3), in boundary order [mm], on or off the muscle;
+    landmarks : (k, 3), k >= 1, in boundary order [mm], on or off the muscle;
     closed : true for a ring of landmarks;
     tolerance : largest distance of a point from the projected curve, for curves [mm]. Default: the mean edge
         length;
     bone_distance : callable, from points (j, 3) to distances (j,) from the bone, negative inside; by default
         landmarks go to either side of the muscle, and the smaller side of a ring is its inside.
 
-    Raises a ValueError if there are no landmarks, a landmark is too far from the muscle, or neighbours are on
-    unconnected parts of the muscle.
+    Raises a ValueError if a landmark is too far from the muscle, or neighbours are on unconnected parts of
+    the muscle.
     """
     edges, edge_of = numbered_edges(triangles)
     usual = float(edge_lengths(points, edges).mean())
@@ -131,8 +126,6 @@ def _nearest_vertices(
     the bone are preferred, unless all landmarks are points already. The lengths are the tolerance and the
     muscle's mean edge.
     """
-    if not len(landmarks):
-        raise InputError("", "the attachment has no landmarks")
     used = np.flatnonzero(np.bincount(triangles.reshape(-1), minlength=len(points)))
     tree = cKDTree(points[used])
     offsets, nearest = tree.query(landmarks)

@@ -1,7 +1,4 @@
-"""A bone with exact surface and signed distance.
-
-The signed distance is a field that is filled where looked up.
-"""
+"""A bone with exact surface, and distances filled where looked up."""
 
 from __future__ import annotations
 
@@ -67,8 +64,6 @@ class Bone:
     """
 
     def __init__(self, points: Floats, triangles: Ints, *, cell: float | None = None) -> None:
-        if cell is not None and not (np.isfinite(cell) and cell > 0.0):
-            raise InputError("", f"the cell of a bone's field must be finite and > 0, got {cell:g} mm")
         self.points, self.triangles = points, triangles
         #: Name of the bone in warnings and errors.
         self.name = "bone"

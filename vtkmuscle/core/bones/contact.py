@@ -25,16 +25,10 @@ SWALLOWED = 0.9
 
 
 class BoneBoxes:
-    """The boxes of bones, for a first look.
+    """The boxes of bones. They show the bones that points can meet.
 
-    The boxes show the bones that points can meet.
-
-    Parameters
-    ----------
-    bones : mapping of int to Bone
-        Bones by index among the transforms.
-    margins : (k,) array_like
-        Distance at which each bone is met [mm].
+    bones : mapping of int to Bone, bones by index among the transforms;
+    margins : (k,)_like, distance at which each bone is met [mm].
     """
 
     def __init__(self, bones: Mapping[int, Bone], margins: Sequence[float]) -> None:
@@ -73,16 +67,10 @@ class BoneContact:
     <vtkmuscle.core.bones.bone.Bone.field>` to the point's depth at rest. The result depends on the points
     and the pose alone. Bones are looked up when a muscle first comes near the bones' boxes.
 
-    Parameters
-    ----------
-    bones : mapping of int to Bone
-        Bones by index among the transforms.
-    rest : (n, 3) array
-        Points of the muscle at rest, in the scene [mm].
-    free : (n,) bool array
-        Points that may be moved.
-    clearance : float, optional
-        Distance that points keep from the bones [mm]; a point nearer at rest may come as near.
+    bones : mapping of int to Bone, bones by index among the transforms;
+    rest : (n, 3), points of the muscle at rest, in the scene [mm];
+    free : (n,) bool, points that may be moved;
+    clearance : distance that points keep from the bones [mm]; a point nearer at rest may come as near.
 
     Warns
     -----
@@ -112,29 +100,20 @@ class BoneContact:
             self._levels[number] = np.minimum(distance, self.clearance)
         return self._levels[number]
 
-    def at(
-        self, transforms: Floats, neighbours: Sequence[Neighbour] = (), centre: Floats | None = None
-    ) -> PoseContact:
-        """Return the contact in a pose.
-
-        The pose has the transforms of the bones (b, 4, 4), rest to now, and other muscles. Positions are
-        relative to a ``centre`` (3,) in the scene, the origin by default.
-        """
-        return PoseContact(self, transforms, neighbours, np.zeros(3) if centre is None else centre)
-
 
 class PoseContact:
     """The contact of a muscle in a pose.
 
-    :meth:`BoneContact.at` makes the contact. After a look-up of its distance from a bone, a point is looked
-    up again only after a move by the distance.
+    The pose has the transforms of the bones (b, 4, 4), rest to now, and other muscles. Positions are relative
+    to a ``centre`` (3,) in the scene. After a look-up of its distance from a bone, a point is looked up again
+    only after a move by the distance.
     """
 
     def __init__(
         self, contact: BoneContact, transforms: Floats, neighbours: Sequence[Neighbour], centre: Floats
     ) -> None:
         self._contact, self._transforms, self._centre = contact, transforms, centre
-        self._muscles = MuscleContact(neighbours, contact.free, centre) if neighbours else None
+        self._muscles = MuscleContact(neighbours, contact.free, centre)
         self._low, self._high = contact.boxes.moved(transforms, centre)
         self._seen: dict[int, tuple[Field, Floats, Floats, Floats, Floats]] = {}
         self._met, self._work = np.empty(len(contact.bones), dtype=np.bool_), np.empty((2, 3))
@@ -142,10 +121,7 @@ class PoseContact:
 
     def keep_out(self, p: Floats) -> Bools:
         """Move positions (n, 3) out of muscles and bones, in place; return the moved points (n,)."""
-        contact = self._contact
-        moved = np.zeros(len(p), dtype=np.bool_)
-        if self._muscles is not None:
-            moved |= self._muscles.keep_out(p)
+        contact, moved = self._contact, self._muscles.keep_out(p)
         boxes_met(p, contact.free, self._low, self._high, self._met)
         for number, met in enumerate(self._met.tolist()):
             if met:

@@ -244,11 +244,9 @@ def _group(weights: Floats, groups: Groups, most: float, values: Floats, columns
 
 
 def _reproduce_points(weights: csr_array, means: Floats, sizes: Ints, queries: Floats) -> Bools:
-    """Correct weights (q, g) to reproduce points; return success.
+    """Correct weights (q, g) to reproduce points (q, 3); return success (q,).
 
-    The weights sum to 1; points (q, 3), success (q,).
-
-    With c_j vertices in group j, minimise sum_j d_j^2 / c_j for weights w + d.
+    With c_j vertices in group j, minimise sum_j d_j^2 / c_j for weights w + d, which sum to 1.
     """
     row = np.repeat(np.arange(len(queries)), np.diff(weights.indptr))
     terms = np.ones((4, len(row)))
@@ -303,9 +301,7 @@ class Tendons:
     def placed(self, carried: Floats, paths: Floats) -> Floats:
         """Return carried fibres (k, r, 3) with placed ends.
 
-        Ends keep their rest distance along paths (p, n, 3) [mm].
-
-        Fibres that are straight at rest stay straight.
+        Ends keep their rest distance along paths (p, n, 3) [mm], and straight fibres stay straight.
         """
         ends = []
         for end, free, side in zip((0, -1), self._free.T, self._sides, strict=True):

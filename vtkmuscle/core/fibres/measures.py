@@ -267,12 +267,7 @@ def area_profile(surface: Floats, faces: Ints, samples: Floats, points: Floats, 
 
 
 def along(curve: Floats, positions: Floats) -> tuple[Floats, Floats]:
-    """Return arcs and directions of a curve at nearest points.
-
-    Positions (n, 3), arcs (n,) [mm], directions (n, 3).
-
-    The end segments of the curve (c, 3) are prolonged; arcs before its first point are negative.
-    """
+    """Return arcs (n,) [mm] and directions (n, 3) of a curve (c, 3), by :func:`nearest_arcs`."""
     arcs, segments = nearest_arcs(curve, positions)
     return arcs, curve_segments(curve)[2][segments]
 

@@ -62,25 +62,22 @@ ALONG_ROWS = 2
 
 
 class Cloud(NamedTuple):
-    """Samples (j, 3) in a muscle, with box and volume. The density is even.
+    """Samples (j, 3) in a muscle, with volume. The density is even.
 
-    `low` and `high` are the corners of the box [mm]; `volume` is that of a box with the same covariance, the
-    muscle's volume to about a factor of two [mm^3].
+    `volume` is that of a box with the same covariance, the muscle's volume to about a factor of two [mm^3].
     """
 
     samples: Floats
-    low: Floats
-    high: Floats
     volume: float
 
 
 def cloud(samples: Floats) -> Cloud:
-    """Return samples (j, 3), j >= 1, with box and volume."""
+    """Return samples (j, 3), j >= 1, with volume."""
     samples = samples[space_order(samples)]  # neighbours in sequence find the same nodes in the cache
     about = samples - samples.mean(axis=0)
     spread = about.T @ about / len(samples)
     volume = float(np.sqrt(12.0**3 * max(float(np.linalg.det(spread)), 0.0)))
-    return Cloud(samples, samples.min(axis=0), samples.max(axis=0), volume)
+    return Cloud(samples, volume)
 
 
 def steps_to_centres(points: Floats, offsets: Ints, within: Cloud) -> Floats:
@@ -89,8 +86,8 @@ def steps_to_centres(points: Floats, offsets: Ints, within: Cloud) -> Floats:
     Fibres move across themselves, and steps are smoothed along the fibre, which preserves neighbours.
     """
     lines = evenly_spaced(points, offsets, STATIONS)
-    low = np.minimum(within.low, lines.min(axis=(0, 1)))
-    high = np.maximum(within.high, lines.max(axis=(0, 1)))
+    low = np.minimum(within.samples.min(axis=0), lines.min(axis=(0, 1)))
+    high = np.maximum(within.samples.max(axis=0), lines.max(axis=(0, 1)))
     length = float(np.linalg.norm(np.diff(lines, axis=1), axis=2).sum())
     extent, step = high - low, length / (len(lines) * (STATIONS - 1))
     spacing = max(float(np.sqrt(within.volume / max(length, 1e-300))), 1e-300)  # between fibres

@@ -52,12 +52,7 @@ class EndArea(NamedTuple):
 
 
 def trim_fibres(
-    points: Floats,
-    offsets: Ints,
-    *,
-    axis: Floats,
-    areas: tuple[EndArea, EndArea],
-    limits: tuple[FloatMap, float, float],
+    points: Floats, offsets: Ints, *, axis: Floats, areas: tuple[EndArea, EndArea], limits: _Limits
 ) -> Floats:
     """Return fibres (n, 3) from area to area. The number of points is kept.
 
@@ -255,51 +250,46 @@ def ends_as_printed(
 
 def _extended(lines: list[Floats], direction: Floats, height: float, area: TriangleTree) -> list[Floats]:
     """Return lines cut at a plane near their ends, with a segment to an area."""
-    rays, result = {}, list(lines)
+    result = list(lines)
     for number, line in enumerate(lines):
         beyond = line @ direction - height
         if beyond[0] >= 0.0:
             continue
-        past = np.flatnonzero(beyond > 0.0)
+        past, kept = np.flatnonzero(beyond > 0.0), line
         if len(past):
             at = int(past[0])
             share = beyond[at - 1] / (beyond[at - 1] - beyond[at])
             crossing = line[at - 1] + share * (line[at] - line[at - 1])
-            result[number] = np.vstack([line[:at], crossing]) if share > 0.0 else line[:at]
-        steps = np.diff(result[number], axis=0)
+            kept = np.vstack([line[:at], crossing]) if share > 0.0 else line[:at]
+        steps = np.diff(kept, axis=0)
         steps = steps[steps.any(axis=1)]
         ahead = steps[-1] if len(steps) else line[1] - line[0]
         if ahead.any():
-            rays[number] = result[number][-1], ahead / np.linalg.norm(ahead)
-    if rays:
-        starts, directions = (np.array(part) for part in zip(*rays.values(), strict=True))
-        for number, end in zip(rays, closest_to_rays(starts, directions, area), strict=True):
-            result[number] = np.vstack([result[number], end])
+            kept = np.vstack([kept, closest_to_ray(kept[-1], ahead / np.linalg.norm(ahead), area)])
+        result[number] = kept
     return result
 
 
-def closest_to_rays(starts: Floats, ahead: Floats, tree: TriangleTree) -> Floats:
-    """Return the point (k, 3) of a tree's triangles closest to each ray.
+def closest_to_ray(start: Floats, ahead: Floats, tree: TriangleTree) -> Floats:
+    """Return the point (3,) of a tree's triangles closest to a ray.
 
-    Starts (k, 3) and unit directions `ahead` (k, 3) of the rays. Of equal points the first along the ray.
+    The ray has a start (3,) and a unit direction (3,). Of equal points the first along the ray.
     """
-    corners, (_, nearest, away) = tree.corners, tree.nearest(starts)
-    edges = np.roll(corners, -1, axis=1) - corners
-    normals, closest = np.cross(edges[:, 0], edges[:, 1]), np.empty_like(starts)
-    for number, (start, direction) in enumerate(zip(starts, ahead, strict=True)):
-        with np.errstate(divide="ignore", invalid="ignore"):  # triangles without area, or along the ray
-            t = ((corners[:, 0] - start) * normals).sum(axis=1) / (normals * direction).sum(axis=1)
-            at = start + t[:, None] * direction
-            sides = (np.cross(edges, at[:, None] - corners) * normals[:, None]).sum(axis=2)
-        through = (t >= 0.0) & (sides >= 0.0).all(axis=1)
-        ends, sides = corners.reshape(-1, 3), edges.reshape(-1, 3)
-        s, arcs = _nearest_to_ray(start - ends, direction, sides)
-        on_edges = ends + s[:, None] * sides
-        apart = np.linalg.norm(start + arcs[:, None] * direction - on_edges, axis=1)
-        points = np.vstack([nearest[number], at[through], on_edges])
-        distances = np.concatenate([away[[number]], np.zeros(int(through.sum())), apart])
-        closest[number] = points[np.lexsort((np.concatenate([[0.0], t[through], arcs]), distances))[0]]
-    return closest
+    corners, edges = tree.corners, np.roll(tree.corners, -1, axis=1) - tree.corners
+    normals = np.cross(edges[:, 0], edges[:, 1])
+    with np.errstate(divide="ignore", invalid="ignore"):  # triangles without area, or along the ray
+        t = ((corners[:, 0] - start) * normals).sum(axis=1) / (normals @ ahead)
+        at = start + t[:, None] * ahead
+        sides = (np.cross(edges, at[:, None] - corners) * normals[:, None]).sum(axis=2)
+    through = (t >= 0.0) & (sides >= 0.0).all(axis=1)
+    ends, edges = corners.reshape(-1, 3), edges.reshape(-1, 3)
+    s, arcs = _nearest_to_ray(start - ends, ahead, edges)
+    on_edges = ends + s[:, None] * edges
+    apart = np.linalg.norm(start + arcs[:, None] * ahead - on_edges, axis=1)
+    _, nearest, away = tree.nearest(start[None])
+    distances = np.concatenate([away, np.zeros(int(through.sum())), apart])
+    first = np.lexsort((np.concatenate([[0.0], t[through], arcs]), distances))[0]
+    return np.asarray(np.vstack([nearest, at[through], on_edges])[first])
 
 
 def _nearest_to_ray(to_start: Floats, ahead: Floats, edges: Floats) -> tuple[Floats, Floats]:

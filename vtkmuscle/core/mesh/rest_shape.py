@@ -184,13 +184,9 @@ class RestShape:
         turns = np.abs(angles - self._bent_angles)[defined]
         turns = np.minimum(turns, 2.0 * np.pi - turns)
         volume = volume_and_gradient(positions, self.topology.triangles, np.empty_like(positions))
-        return ShapeReport(
-            volume_ratio=volume / self.volume,
-            edge_stretch_p95=float(np.percentile(stretch, 95.0)),
-            edge_stretch_max=float(stretch.max()),
-            dihedral_error_p95=float(np.degrees(np.percentile(turns, 95.0))) if len(turns) else 0.0,
-            degenerate_edges=len(defined) - len(turns),
-        )
+        stretches = float(np.percentile(stretch, 95.0)), float(stretch.max())
+        turned = float(np.degrees(np.percentile(turns, 95.0))) if len(turns) else 0.0
+        return ShapeReport(volume / self.volume, *stretches, turned, len(defined) - len(turns))
 
 
 #: Times that bones and volume are attended to in turn at the end, at most, and the relative error of the
@@ -213,20 +209,14 @@ class Volume:
         self._gradient: Floats = np.empty_like(shape.points)
 
     def restore(self, points: Floats, held: Bools | None = None) -> float:
-        """Move points towards the rest volume.
-
-        Points (n, 3) that are held stay. Return the relative error of the volume before.
-        """
+        """Move points to the rest volume. Held points stay; return the relative error before."""
         mass = self._mass if held is None else np.where(held, 0.0, self._mass)
         rest = self._triangles, self._rest, 1.0, self._floor
         volume = project_volume(points, mass, mass, *rest, self._gradient)
         return abs(volume / self._rest - 1.0)
 
     def finish(self, points: Floats, keep_out: Callable[[Floats], Bools]) -> Bools:
-        """Take points out of the bones.
-
-        The remaining points give back the lost volume; return the held points.
-        """
+        """Take points out of the bones. Others give back the volume; return the held points."""
         held = np.zeros(len(points), dtype=np.bool_)
         for _ in range(LAST_PASSES):
             new = keep_out(points) & ~held

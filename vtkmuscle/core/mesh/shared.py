@@ -18,23 +18,18 @@ T = TypeVar("T")
 P = ParamSpec("P")
 _lock = RLock()
 #: Results of shared functions per active :func:`keep_shared` context.
-_kept: list[list[object]] = []
+_kept: dict[int, list[object]] = {}
 
 
 @contextmanager
 def keep_shared() -> Iterator[None]:
-    """Keep all results of shared functions alive within a context.
-
-    Muscles solved one after another then share the objects made from their bones.
-    """
+    """Keep all results of shared functions within a context. Muscles in turn then share bones."""
     kept: list[object] = []
-    with _lock:
-        _kept.append(kept)
+    _kept[id(kept)] = kept
     try:
         yield
     finally:
-        with _lock:
-            _kept[:] = [results for results in _kept if results is not kept]
+        del _kept[id(kept)]
 
 
 def shared(make: Callable[P, T], *, last: int = 0) -> Callable[P, T]:
@@ -54,7 +49,7 @@ def shared(make: Callable[P, T], *, last: int = 0) -> Callable[P, T]:
             if result is None:
                 copies: Any = [array.copy() for array in arrays]  # the caller's may change
                 result = results[key] = make(*copies)  # type: ignore[call-arg]
-                for kept in _kept:
+                for kept in list(_kept.values()):
                     kept.append(result)
             if result in latest:
                 latest.remove(result)

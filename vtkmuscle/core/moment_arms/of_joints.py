@@ -49,15 +49,9 @@ def known_coordinates(
 
 
 def joint_arms(
-    lengths: ArrayLike,
-    levers: Mapping[str, Floats],
-    motion: RigidMotion,
-    names: Sequence[str] | None = None,
-    *,
-    crossed: Sequence[str] | None = None,
-    ratios: ArrayLike = np.nan,
-    millimetres: float = 1.0,
-) -> tuple[dict[str, JointArms], dict[str, str]]:
+    lengths: ArrayLike, levers: Mapping[str, Floats], motion: RigidMotion, names: Sequence[str] | None = None,
+    *, crossed: Sequence[str] | None = None, ratios: ArrayLike = np.nan, millimetres: float = 1.0,
+) -> tuple[dict[str, JointArms], dict[str, str]]:  # fmt: skip
     """Return moment arms of paths by each coordinate.
 
     lengths : (f, k)_like, path lengths in each frame of the motion [mm];

@@ -7,8 +7,6 @@ bends, isolines cross the muscle.
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
@@ -69,7 +67,8 @@ class IsolineCourse:
 
     The isolines at `values` of the function (n,), of :func:`attachment_field`, are at `distances` along the
     muscle, see :func:`isoline_distances`. The main branch, with the part `share` of the muscle, is single
-    from `begin` on, over `span` [mm]. Raises a ValueError if no isoline has an inside.
+    from `begin` on, over `span` [mm]. `areas` are at the values 0 and 1. Raises a ValueError if no isoline
+    has an inside.
     """
 
     def __init__(self, muscle: ClosedSurface, field: Floats) -> None:
@@ -80,7 +79,9 @@ class IsolineCourse:
         branch = self.branch(self.muscle, regular)
         first, last = _single_branch(branch)
         self.begin, self.span = regular[first], regular[last] - regular[first]
-        self.share = float(branch.sizes[branch.numbers[branch.numbers >= 0]].sum() / branch.sizes.sum())
+        self.share = branch.share
+        surface = self.muscle.points, self.muscle.triangles
+        self.areas = [PatchSamples(*surface, np.flatnonzero(field == value)) for value in (0.0, 1.0)]
 
     def branch(self, surface: ClosedSurface, at: Floats) -> Branch:
         """Return the main branch at some distances, of the muscle in any coordinates."""
@@ -88,13 +89,6 @@ class IsolineCourse:
         for i in range(1, len(levels)):  # strictly ascending, even after rounding
             levels[i] = max(levels[i], np.nextafter(levels[i - 1], 2.0))
         return Branch(surface, self.field, levels, at, lambda areas: np.linalg.norm(areas, axis=1))
-
-    @cached_property
-    def areas(self) -> tuple[PatchSamples, PatchSamples]:
-        """The areas at the least and the greatest value."""
-        surface = self.muscle.points, self.muscle.triangles
-        origin, insertion = (PatchSamples(*surface, np.flatnonzero(self.field == x)) for x in (0.0, 1.0))
-        return origin, insertion
 
 
 def morph_by_isolines(points: Floats, transform: Floats, course: IsolineCourse, slicing: Slicing) -> Morph:
@@ -130,7 +124,7 @@ def morph_by_isolines(points: Floats, transform: Floats, course: IsolineCourse, 
     axes[~axes.any(axis=1), 2] = 1.0  # along z for a zero area
     views = np.array([[*perpendiculars(axis), axis] for axis in axes])
     maps = slice_maps(rings, stack(guides)[0], box, slicing.continuity * course.length, views)
-    mapped = box.positions(mapped_points(inside, heights, levels, slice_of, maps, hits))
+    mapped = box.positions(mapped_points(inside, heights, levels, slice_of, maps, hits, views))
     ends = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
     for area, end in zip(course.areas, ends, strict=True):
         mapped[end] = area.tree.nearest(mapped[end])[1]

@@ -201,6 +201,11 @@ class Branch:
         self.sizes = size(self.areas)
         self.numbers = main_loops(self.sections, heights, self.sizes)
 
+    @property
+    def share(self) -> float:
+        """Part of the sections' area in the main branch."""
+        return float(self.sizes[self.numbers[self.numbers >= 0]].sum() / self.sizes.sum())
+
     def at(self, heights: Floats) -> Ints:
         """Return loop numbers at some heights, -1 for none."""
         return self.numbers[np.searchsorted(self.heights, heights)]

@@ -64,14 +64,16 @@ class Slicing(NamedTuple):
 
 
 def mapped_points(
-    inside: Floats, heights: Floats, levels: Floats, slice_of: Ints, maps: Sequence[SectionMap], hits: Ints
-) -> Floats:
+    inside: Floats, heights: Floats, levels: Floats, slice_of: Ints, maps: Sequence[SectionMap], hits: Ints,
+    views: Floats | None = None,
+) -> Floats:  # fmt: skip
     """Return template points (n, k) in the muscle's sections [mm].
 
     A point off its slice's level is interpolated between the maps of the slice and of the next slice on its
     side. A level without a section, by rounding, takes the section of the nearest level. Points (n, 2) or
     wider are in the rectangle; heights (n,) and ascending levels (h,) have one unit; `slice_of` (n,) is the
-    level of each point, `hits` (l,) are the numbers of the sections' levels.
+    level of each point, `hits` (l,) are the numbers of the sections' levels. Sections in space are viewed
+    along z after the rotations `views` (l, 3, 3).
     """
     above = heights - levels[slice_of]
     adjacent = slice_of + np.sign(above).astype(np.int64)
@@ -85,8 +87,10 @@ def mapped_points(
     positions = np.zeros((len(inside), maps[0].ring.shape[1]))
     flat = np.ascontiguousarray(inside[:, :2])
     for level, members in enumerate(np.split(order, starts[1:-1])):
-        section = maps[int(np.abs(hits - level).argmin())]
-        positions[points[members]] += weights[members, None] * section.positions(flat[points[members]])
+        number = int(np.abs(hits - level).argmin())
+        mapped = maps[number].positions(flat[points[members]])
+        turned = mapped if views is None else mapped @ views[number]
+        positions[points[members]] += weights[members, None] * turned
     return positions
 
 
@@ -95,8 +99,7 @@ def slice_maps(
 ) -> Sequence[SectionMap]:
     """Return the maps to sections, with loops counterclockwise about z [mm].
 
-    Guiding loops and continuity as of :func:`followed_starts`. Sections in space are viewed along z after the
-    rotations `views` (l, 3, 3).
+    Guiding loops and continuity as of :func:`followed_starts`; views of :func:`mapped_points`.
     """
     loops = stack.loops
     starts = followed_starts(stack, guides, continuity, np.zeros(2 if views is None else 3))
@@ -104,10 +107,7 @@ def slice_maps(
         loops = [loop @ view.T for loop, view in zip(loops, views, strict=True)]
         starts = np.einsum("lij,lj->li", views, starts)
     pairs = zip(loops, starts, strict=True)
-    maps = [section_map(loop, start, box.sides, as_printed=continuity == 0.0) for loop, start in pairs]
-    if views is not None:  # back from the views
-        maps = [part._replace(ring=part.ring @ view) for part, view in zip(maps, views, strict=True)]
-    return maps
+    return [section_map(loop, start, box.sides, as_printed=continuity == 0.0) for loop, start in pairs]
 
 
 class Box:
@@ -220,16 +220,12 @@ class _PlaneCourse:
     def shares(self) -> tuple[float, float]:
         """Return the main branch's volume share, and its steep share."""
         branch = self.branch(self.bottom + (self.top - self.bottom) * (np.arange(N_PLANES) + 0.5) / N_PLANES)
-        sections, numbers = branch.sections, branch.numbers[branch.numbers >= 0]
-        levels = range(len(branch.heights))
-        whole = sum(float(branch.sizes[sections.loops_of(level)].sum()) for level in levels)
-        share = float(branch.sizes[numbers].sum() / whole)
-        steps = np.diff(boundary_centroids([sections.loop(int(number)) for number in numbers]), axis=0)
+        steps = np.diff(boundary_centroids(branch.stack(branch.heights, 3)[0].loops), axis=0)
         if not len(steps):
-            return share, 0.0
+            return branch.share, 0.0
         lengths = np.linalg.norm(steps, axis=1)
         steep = steps[:, 2] < np.cos(np.radians(STEEP)) * lengths
-        return share, float(lengths[steep].sum() / lengths.sum())
+        return branch.share, float(lengths[steep].sum() / lengths.sum())
 
     def squeezed(self, heights: Floats, branch: Branch) -> Floats:
         """Return heights with those beyond the branch's loops squeezed into the muscle's ends."""

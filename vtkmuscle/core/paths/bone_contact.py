@@ -35,16 +35,10 @@ class Proximity(NamedTuple):
 
     :meth:`BoneContacts.update` changes a proximity in place.
 
-    Attributes
-    ----------
-    to_axes : (b, 4, 4) array
-        From the scene to the axes of each bone in its pose.
-    points : (b, p, 3) array
-        Positions of the points along the axes of each bone [mm].
-    gaps : (b, p) array
-        Lower bounds of the distances from each bone beyond the standoff [mm].
-    normals : (b, p, 3) array
-        Slopes of the gaps, shorter than 1 in a crease; valid for points near a bone.
+    to_axes : (b, 4, 4), from the scene to the axes of each bone in its pose;
+    points : (b, p, 3), positions of the points along the axes of each bone [mm];
+    gaps : (b, p), lower bounds of the distances from each bone beyond the standoff [mm];
+    normals : (b, p, 3), slopes of the gaps, shorter than 1 in a crease; valid for points near a bone.
     """
 
     to_axes: Floats
@@ -54,16 +48,10 @@ class Proximity(NamedTuple):
 
 
 class Load(NamedTuple):
-    """The forces of a bone and its tissue on points.
+    """The forces of a bone and its tissue. On points.
 
-    The tissue moves with the bone.
-
-    Attributes
-    ----------
-    force : (f, n, 3) array
-        Force on each point; the force lowers the gradient of the energy [mm].
-    stiffness : (f, n, 3, 3) array
-        Fall of the force as the point moves [1].
+    force : (f, n, 3), force on each point; the force lowers the gradient of the energy [mm];
+    stiffness : (f, n, 3, 3), fall of the force as the point moves [1].
     """
 
     force: Floats
@@ -73,21 +61,12 @@ class Load(NamedTuple):
 class BoneContacts:
     """The pieces of bones that paths keep away from.
 
-    Parameters
-    ----------
-    pieces : sequence of (int, Bone)
-        The bone that each piece belongs to, and the piece at rest.
-    standoff : (b, f, n) array
-        Distance that each point of each path keeps from each piece [mm].
-    segment : float
-        Mean distance of points along a path [mm].
+    pieces : sequence of (int, Bone), the bone that each piece belongs to, and the piece at rest;
+    standoff : (b, f, n), distance that each point of each path keeps from each piece [mm];
+    segment : mean distance of points along a path [mm].
 
-    Attributes
-    ----------
-    numbers : list of int
-        Number of the bone of each piece.
-    rounding : float
-        See :data:`ROUNDING` [mm].
+    numbers : list of int, number of the bone of each piece;
+    rounding : see :data:`ROUNDING` [mm].
     """
 
     def __init__(self, pieces: Sequence[tuple[int, Bone]], standoff: Floats, segment: float) -> None:
@@ -256,19 +235,12 @@ def pressure_at(gap: float, push: float, rounding: float) -> tuple[float, float]
 
 @kernel
 def _bend(p: Floats, normals: Floats, i: int, force: float, block: Floats) -> None:
-    """Reduce a point's stiffness by the bone's curvature.
-
-    The stiffness along the path falls.
-    """
+    """Reduce a point's stiffness. Along the path, by the bone's curvature."""
     u, v, w = p[i + 1, 0] - p[i - 1, 0], p[i + 1, 1] - p[i - 1, 1], p[i + 1, 2] - p[i - 1, 2]
     length2 = u * u + v * v + w * w
-    curve = (
-        (normals[i + 1, 0] - normals[i - 1, 0]) * u
-        + (normals[i + 1, 1] - normals[i - 1, 1]) * v
-        + (normals[i + 1, 2] - normals[i - 1, 2]) * w
-    )
-    inward = 0.0
+    curve, inward = 0.0, 0.0
     for c in range(3):
+        curve += (normals[i + 1, c] - normals[i - 1, c]) * (p[i + 1, c] - p[i - 1, c])
         inward += normals[i, c] * (2.0 * p[i, c] - p[i - 1, c] - p[i + 1, c])
     # No more than the springs press: what else does, in a pose that is not settled, must not turn them round.
     bend = min(force, max(inward, 0.0)) * curve / length2

@@ -27,20 +27,11 @@ STEPS = 60
 def add_springs(x: Floats, held: Floats, pull: Floats, gradient: Floats, blocks: Floats) -> None:
     """Write the gradient and blocks of springs and tissue.
 
-    Springs run along paths, and tissue holds each point.
-
     E = sum |x_{i+1} - x_i|^2 / 2 + sum x_i . (A_i x_i / 2 - b_i).
 
-    Parameters
-    ----------
-    x : (f, n, 3) array
-        Positions [mm].
-    held : (f, n, 6) array
-        A: symmetric blocks.
-    pull : (f, n, 3) array
-        b [mm].
-    gradient, blocks : (f, n, 3), (f, n, 6) arrays
-        Overwritten; the gradient is 0 at the ends.
+    x : (f, n, 3), positions [mm];
+    held, pull : (f, n, 6), (f, n, 3), A as symmetric blocks, and b [mm];
+    gradient, blocks : (f, n, 3), (f, n, 6), overwritten; the gradient is 0 at the ends.
     """
     f, n, _ = x.shape
     for a in range(f):
@@ -67,16 +58,9 @@ def axes_of_pair(
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
     """Return the axes and lengths of a pair of points.
 
-    Points i and j are rows of x (f n, 3); lengths are along the axes [mm].
-
-    Returns
-    -------
-    t : 3 floats
-        Unit vector along the paths: the mean of their tangents at the two points.
-    u : 3 floats
-        Unit vector across the paths, from j towards i.
-    size, ahead, apart : float
-        Length of the sum of the tangents; distance of i from j along t and along u.
+    Points i and j are rows of x (f n, 3); lengths are along the axes [mm]. Returns the unit vector t along
+    the paths, the mean of their tangents at the two points; the unit vector u across the paths, from j
+    towards i; the length of the sum of the tangents; and the distance of i from j along t and along u.
     """
     t0 = x[i + 1, 0] - x[i - 1, 0] + x[j + 1, 0] - x[j - 1, 0]
     t1 = x[i + 1, 1] - x[i - 1, 1] + x[j + 1, 1] - x[j - 1, 1]
@@ -134,10 +118,7 @@ def add_neighbours(
 
 @kernel
 def add_direction(block: Floats, stiffness: float, u: float, v: float, w: float) -> None:
-    """Add the stiffness s d d^T to a point's block.
-
-    The direction d is (u, v, w), and the block is (6,).
-    """
+    """Add a stiffness to a point's block (6,). It is s d d^T, with the direction d of (u, v, w)."""
     block[0] += stiffness * u * u
     block[1] += stiffness * u * v
     block[2] += stiffness * u * w
@@ -189,18 +170,11 @@ def newton_step(
     preconditioned by the solutions of single paths and of the sheet as a whole. The sheet's solution helps
     more with more paths.
 
-    Parameters
-    ----------
-    gradient : (f, n, 3) array
-        0 at the ends.
-    blocks, pairs, couplings, inverses
-        As of the functions above.
-    left_over : float
-        Part of the residual, in the norm of the preconditioner, at which the solution ends.
-    work : (4, f + 1, n, 3) array
-        Working memory.
-    step : (f, n, 3) array
-        Overwritten, 0 at the ends.
+    gradient : (f, n, 3), 0 at the ends;
+    blocks, pairs, couplings, inverses : as of the functions above;
+    left_over : part of the residual, in the norm of the preconditioner, at which the solution ends;
+    work : (4, f + 1, n, 3), working memory;
+    step : (f, n, 3), overwritten, 0 at the ends.
     """
     f = len(gradient)
     down, result = gradient.reshape(-1), step.reshape(-1)
@@ -282,10 +256,7 @@ def _precondition(  # noqa: PLR0912 -- each kernel more costs time to compile
 
 @vector_kernel
 def _multiply(blocks: Floats, pairs: Ints, couplings: Floats, x: Floats, y: Floats) -> None:
-    """Write the product of the matrix with x.
-
-    The array x is (f, n, 3); the product is 0 at the ends.
-    """
+    """Write the product of the matrix with x. Both are (f, n, 3); the product is 0 at the ends."""
     f, n, _ = x.shape
     for k in range(f):
         for c in range(3):

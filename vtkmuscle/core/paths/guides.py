@@ -32,21 +32,12 @@ class Guides:
     Duchon 1977, doi:10.1007/BFb0086566): affine displacements are exact. A direction in which the guides of a
     station do not spread follows the bones.
 
-    Parameters
-    ----------
-    fibres : (f, n, 3) array
-        Points at rest, evenly spread along each fibre [mm].
-    start_bones, end_bones : (f,) int arrays
-        Bones of the ends.
-    count : int
-        Number of guides, less than f.
+    fibres : (f, n, 3), points at rest, evenly spread along each fibre [mm];
+    start_bones, end_bones : (f,) int, bones of the ends;
+    count : number of guides, less than f.
 
-    Attributes
-    ----------
-    numbers : (g,) int array
-        The guides, ascending.
-    nearest : (f,) int array
-        The nearest guide of each fibre, as an index of ``numbers``.
+    numbers : (g,) int, the guides, ascending;
+    nearest : (f,) int, the nearest guide of each fibre, as an index of ``numbers``.
     """
 
     def __init__(self, fibres: Floats, start_bones: Ints, end_bones: Ints, count: int) -> None:
@@ -70,9 +61,8 @@ class Guides:
         ``guides`` are (g, n, 3); the result is (f, n, 3). ``moves`` (b, 4, 4) take points at rest to where
         the bones take them, or to their velocities with the bones; None for bones without velocity.
         """
-        result = np.zeros(self._fibres.shape)
-        if moves is not None:
-            result = with_bones(self._fibres, *self._ends, moves)
+        still = np.zeros(self._fibres.shape)
+        result = still if moves is None else with_bones(self._fibres, *self._ends, moves)
         drift = guides - result[self.numbers]
         result[self.numbers] = guides
         result[self._others] += (self._weights @ drift.swapaxes(0, 1)).swapaxes(0, 1)
@@ -112,10 +102,7 @@ def thin_plate_weights(sites: Floats, points: Floats) -> Floats:
 
 
 def with_bones(points: Floats, start_bones: Ints, end_bones: Ints, moves: Floats) -> Floats:
-    """Return paths (f, n, 3) that went with their bones.
-
-    The bones' moves (b, 4, 4) are blended from end to end.
-    """
+    """Return paths moved with bones. Moves (b, 4, 4) are blended from end to end of paths (f, n, 3)."""
     part = np.linspace(0.0, 1.0, points.shape[1])[None, :, None]
     first, last = (
         points @ turn[:, :3, :3].transpose(0, 2, 1) + turn[:, None, :3, 3]

@@ -6,7 +6,7 @@ A lever is the change of a path's length as a coordinate moves the bones, with a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from vtkmuscle.core.paths.bone_contact import Load
 from vtkmuscle.core.paths.equilibrium import axes_of_pair
 from vtkmuscle.core.paths.guides import Guides
 from vtkmuscle.core.paths.neighbours import Neighbours
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import FloatMap, Floats, Ints
 
 #: The response to the bones' move is solved for in steps until a step changes the levers by less than
 #: this part of the greatest speed of a path's end (rms of all paths), but in no more than so many. Levers of
@@ -30,14 +30,9 @@ LARGEST_GROWTH = 5.0
 
 
 def path_levers(
-    points: Floats,
-    ends: tuple[Ints, Ints],
-    loads: Mapping[int, Load],
-    twists: Floats,
-    drift: Floats,
-    solver: tuple[Callable[[Floats], Floats], Callable[[Floats], Floats]],
-    carried: tuple[Guides, Floats] | None = None,
-) -> Floats:
+    points: Floats, ends: tuple[Ints, Ints], loads: Mapping[int, Load], twists: Floats, drift: Floats,
+    solver: tuple[FloatMap, FloatMap], carried: tuple[Guides, Floats] | None = None,
+) -> Floats:  # fmt: skip
     """Return the levers of paths as twists move bones.
 
     Levers are (v, f), or (v, k) of k fibres carried by the paths. As a bone moves by a small twist, the
@@ -46,25 +41,17 @@ def path_levers(
     excursion; An et al. 1984, doi:10.1115/1.3138494). Where bones alone hold a path, the lever equals the
     lever of the pull at the path's end (principle of virtual work).
 
-    Parameters
-    ----------
-    points : (f, n, 3) array
-        In equilibrium [mm].
-    ends : two (f,) int arrays
-        Bones of the starts and of the ends.
-    loads : mapping of int to Load
-        Forces of each bone on the points.
-    twists : (v, b, 6) array
-        Of the bones: velocity at the origin and angular velocity, per unit of each of v coordinates.
-    drift : (f, n, 3) array
-        Displacement of the points between the ends, such as the last move: the solution begins with the best
-        multiple of the drift, and so saves two steps.
-    solver : two callables
-        The first takes velocities of the points (f, n, 3), ends included, and returns the change of the
-        energy's gradient, 0 at the ends. The second takes a gradient likewise, and returns velocities of the
-        inner points that about cancel the gradient.
-    carried : (Guides, (b, 4, 4) array), optional
-        Carry the paths of further fibres, in a pose of the bones.
+    points : (f, n, 3), in equilibrium [mm];
+    ends : two (f,) int, bones of the starts and of the ends;
+    loads : mapping of int to Load, forces of each bone on the points;
+    twists : (v, b, 6), of the bones: velocity at the origin and angular velocity, per unit of each of v
+        coordinates;
+    drift : (f, n, 3), displacement of the points between the ends, such as the last move: the solution begins
+        with the best multiple of the drift, and so saves two steps;
+    solver : two callables. The first takes velocities of the points (f, n, 3), ends included, and returns the
+        change of the energy's gradient, 0 at the ends. The second takes a gradient likewise, and returns
+        velocities of the inner points that about cancel the gradient;
+    carried : (Guides, (b, 4, 4)), optional, carry the paths of further fibres, in a pose of the bones.
     """
     change, step = solver
     paths = points if carried is None else carried[0].carry(points, carried[1])
@@ -134,9 +121,7 @@ def _moved_by(twist: Floats, transforms: Floats) -> Floats:
     return changes
 
 
-def _responses(
-    gradient: Floats, change: Callable[[Floats], Floats], step: Callable[[Floats], Floats]
-) -> Iterator[Floats]:
+def _responses(gradient: Floats, change: FloatMap, step: FloatMap) -> Iterator[Floats]:
     """Give the velocities (f, n, 3) that together change the gradient by minus the gradient.
 
     Generalised conjugate residuals (Eisenstat, Elman, Schultz 1983, doi:10.1137/0720023). The preconditioner
@@ -170,20 +155,11 @@ def change_gradient(
     :func:`~vtkmuscle.core.paths.equilibrium.add_springs` and
     :func:`~vtkmuscle.core.paths.equilibrium.add_neighbours`, with turning tangents and changing widths.
 
-    Parameters
-    ----------
-    x : (f, n, 3) array
-        Positions [mm].
-    velocity : (f, n, 3) array
-        Of the points.
-    held : (f, n, 3, 3) array
-        Stiffness of the holds on each point, bones included.
-    widths, widening : (f,) arrays
-        Widths of the paths, and change of the widths with the paths' lengths [1/mm].
-    wider, turning : (f,), (f, n, 3) arrays
-        Working memory: rates of the paths' widths, and change of the tangents at the points.
-    change : (f, n, 3) array
-        Overwritten, 0 at the ends.
+    x, velocity : (f, n, 3), positions [mm], and velocities of the points;
+    held : (f, n, 3, 3), stiffness of the holds on each point, bones included;
+    widths, widening : (f,), widths of the paths, and change of the widths with the paths' lengths [1/mm];
+    wider, turning : (f,), (f, n, 3), memory: rates of the paths' widths, and change of the tangents;
+    change : (f, n, 3), overwritten, 0 at the ends.
     """
     f, n, _ = velocity.shape
     for a in range(f):

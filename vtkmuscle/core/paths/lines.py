@@ -1,7 +1,4 @@
-"""Fibres as evenly spread points for paths.
-
-Lines over the surface stand in for fibres where a muscle has no fibres.
-"""
+"""Fibres as evenly spread points for paths, or lines over the surface."""
 
 from __future__ import annotations
 
@@ -54,7 +51,7 @@ def _evenly_spread(line: Floats, count: int) -> Floats:
 
     def curve(places: Floats) -> Floats:
         first = np.searchsorted(at[1:-1], places, side="right")
-        part = ((places - at[first]) / np.maximum(steps[first], _TINY))[:, None]
+        part = ((places - at[first]) / np.maximum(np.diff(at)[first], _TINY))[:, None]
         along_chord = part * part * (3.0 - 2.0 * part) * (line[first + 1] - line[first])
         bend = part * (1.0 - part) * ((1.0 - part) * tangents[first] - part * tangents[first + 1])
         return np.asarray(line[first] + along_chord + steps[first, None] * bend)
@@ -62,7 +59,10 @@ def _evenly_spread(line: Floats, count: int) -> Floats:
     places = np.linspace(0.0, at[-1], count)
     for _ in range(2):
         along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(curve(places), axis=0), axis=1)))
-        places = np.interp(np.linspace(0.0, along[-1], count), along, places)
+        even = np.linspace(0.0, along[-1], count)
+        first = np.searchsorted(along[1:-1], even, side="right")
+        part = (even - along[first]) / np.maximum(np.diff(along)[first], _TINY)
+        places = places[first] + part * np.diff(places)[first]
     spread = curve(places)
     spread[[0, -1]] = line[[0, -1]]
     return spread
@@ -88,12 +88,8 @@ def lines_on_surface(points: Floats, topology: MeshTopology, fixed_to: Ints) -> 
     over the surface, and are smoothed. ``points`` (v, 3) is the muscle at rest [mm], ``fixed_to`` (v,) the
     bone of each point, -1 for free points.
 
-    Returns
-    -------
-    points, offsets : (p, 3) array, (f + 1,) int array
-        Points of all lines, line after line [mm]; first point of each, and p.
-    None
-        Where fewer than two bones have fixed points, or no line leads from bone to bone.
+    Returns the points (p, 3) of all lines, line after line [mm], and the first point of each, and p, (f +
+    1,); None where fewer than two bones have fixed points, or no line leads from bone to bone.
     """
     field = harmonic_field(points, topology.triangles, fixed_to)
     if field is None:
@@ -121,10 +117,7 @@ def _walk(seed: int, onward: Ints) -> list[int]:
 
 
 def _steepest(points: Floats, edges: Ints, height: Floats, fixed_to: Ints) -> Ints:
-    """Return each point's neighbour up the steepest edge.
-
-    Fixed points and summits stay.
-    """
+    """Return each point's neighbour up the steepest edge. Fixed points and summits stay."""
     both = np.vstack([edges, edges[:, ::-1]])
     length = np.linalg.norm(points[both[:, 1]] - points[both[:, 0]], axis=1)
     slope = (height[both[:, 1]] - height[both[:, 0]]) / np.maximum(length, _TINY)

@@ -43,14 +43,10 @@ class Neighbours(NamedTuple):
 
     The pairs belong to a sheet, and resist shear.
 
-    Attributes
-    ----------
-    pairs : (m, 2) int array
-        Numbers of points, in the order of paths.
-    distances, ahead : (m,) arrays
-        Distances at rest, across the paths and along the paths, of the first point from the second [mm].
-    stiffness : (m, 2) array
-        Across and along, in stiffnesses of a path's springs [1].
+    pairs : (m, 2) int, numbers of points, in the order of paths;
+    distances, ahead : (m,), distances at rest, across the paths and along the paths, of the first point from
+        the second [mm];
+    stiffness : (m, 2), across and along, in stiffnesses of a path's springs [1].
     """
 
     pairs: Ints
@@ -87,7 +83,7 @@ def _nearest_across(fibres: Floats, same: float) -> Ints:
     ahead, is not beside the point. Distances within ``same`` [mm] are equal.
     """
     f, n, _ = fibres.shape
-    inner, tangents = fibres[:, 1:-1], _tangents(fibres)
+    inner, flat = fibres[:, 1:-1], (fibres.reshape(-1, 3), _tangents(fibres).reshape(-1, 3))
     points = np.arange(f * n).reshape(f, n)[:, 1:-1]
     segments = path_lengths(fibres) / (n - 1)
     found = [np.empty((0, 2), dtype=np.int64)]
@@ -97,9 +93,7 @@ def _nearest_across(fibres: Floats, same: float) -> Ints:
         distance = np.take_along_axis(apart, nearest[..., None], axis=2)[..., 0]
         numbers = np.take_along_axis(points[None], nearest[..., None], axis=2)[..., 0]
         here = np.broadcast_to(points[path][:, None], numbers.shape)
-        ahead, _ = _ahead_and_across(
-            fibres.reshape(-1, 3), tangents.reshape(-1, 3), here.reshape(-1), numbers.reshape(-1)
-        )
+        ahead, _ = _ahead_and_across(*flat, here.reshape(-1), numbers.reshape(-1))
         ending = (nearest == 0) | (nearest == n - 3)
         limit = np.where(ending, 0.5 * segments, segments.mean())
         beside = np.abs(ahead).reshape(numbers.shape) <= limit
@@ -151,19 +145,13 @@ def _add_steps(points: Floats, lengths: Floats) -> None:
 
 
 def path_widths(points: Floats, lengths: Floats) -> Floats:
-    """Return the widths of paths relative to rest, (f,).
-
-    ``lengths`` (f,) are at rest; the paths keep their volume.
-    """
+    """Return paths' relative widths. The volume is constant, and ``lengths`` (f,) are at rest."""
     stretch = path_lengths(points) / lengths
     return np.asarray(1.0 / np.sqrt(stretch.clip(LEAST_STRETCH, GREATEST_STRETCH)))
 
 
 def widening(points: Floats, lengths: Floats) -> Floats:
-    """Return the change of :func:`path_widths` with length.
-
-    Paths are (f, n, 3), the result (f,) [1/mm].
-    """
+    """Return the change of widths with length. Of :func:`path_widths`, (f,) [1/mm]."""
     widths = path_widths(points, lengths)
     within = (widths > GREATEST_STRETCH**-0.5) & (widths < LEAST_STRETCH**-0.5)
     return np.asarray(np.where(within, -0.5 * widths**3 / lengths, 0.0))

@@ -1,7 +1,4 @@
-"""A sheet of paths in a pose of the bones.
-
-The module has the forces on the sheet's points, and the sheet's forces on the bones.
-"""
+"""A sheet of paths in a pose: forces on the sheet, and on the bones."""
 
 from __future__ import annotations
 
@@ -58,28 +55,16 @@ _RISE, _SHORTENED, _WHOLE_STEPS = 0.5, 8, 4
 
 
 class Sheet(NamedTuple):
-    """A muscle's paths at rest, with bones and tissue.
+    """A muscle's paths at rest. Bones, tissue and neighbours hold the paths.
 
-    Bones, tissue and neighbours hold the paths.
-
-    Attributes
-    ----------
-    fibres : (f, n, 3) array
-        Points at rest [mm].
-    start_bones, end_bones : (f,) int arrays
-        Bones of the ends.
-    thickness : float
-        Of the muscle [mm].
-    lengths : (f,) array
-        Of the paths at rest [mm].
-    around, contacts, neighbours
-        Tissue and pressure, the bones, and the springs between paths.
-    rings : sequence of (int, ViaRing)
-        The bone that each via ring moves with, and the ring at rest.
-    outside : (r, f) array
-        Distance of each path outside of each ring at rest [mm].
-    guides : Guides or None
-        Carry the paths of other fibres; None where all paths are solved.
+    fibres : (f, n, 3), points at rest [mm];
+    start_bones, end_bones : (f,) int, bones of the ends;
+    thickness : of the muscle [mm];
+    lengths : (f,), of the paths at rest [mm];
+    around, contacts, neighbours : tissue and pressure, the bones, and the springs between paths;
+    rings : sequence of (int, ViaRing), the bone that each via ring moves with, and the ring at rest;
+    outside : (r, f), distance of each path outside of each ring at rest [mm];
+    guides : Guides or None, carry the paths of other fibres; None where all paths are solved.
     """
 
     fibres: Floats
@@ -96,32 +81,18 @@ class Sheet(NamedTuple):
 
 
 class SheetPose:
-    """The forces on a sheet in a pose.
+    """The forces on a sheet in a pose. Also their stiffness, and the paths' levers.
 
-    The class also has the forces' stiffness and the paths' levers.
+    sheet : Sheet, at rest;
+    transforms : (b, 4, 4), of the bones, rest to now;
+    points : (f, n, 3), points near the sheet's equilibrium [mm]: positions are about the points' middle, for
+        far from the origin the springs would take the digits;
+    ring_points : (r, f) int, optional, point of each path held by each ring, 0 for no point; default: no
+        point. :meth:`hold` changes it.
 
-    Parameters
-    ----------
-    sheet : Sheet
-        At rest.
-    transforms : (b, 4, 4) array
-        Of the bones, rest to now.
-    points : (f, n, 3) array
-        Points near the sheet's equilibrium [mm]: positions are about the points' middle, for far from the
-        origin the springs would take the digits.
-    ring_points : (r, f) int array, optional
-        Point of each path held by each ring, 0 for no point; default: no point.
-
-    Attributes
-    ----------
-    x : (f, n, 3) array
-        Points about the middle, as given to :meth:`look_at` last [mm].
-    gradient, way : (f, n, 3) arrays
-        Gradient of the energy at x, and the step from x.
-    ring_points
-        As given, and as changed by :meth:`hold`.
-    steps : int
-        Steps of Newton's method so far.
+    x : (f, n, 3), points about the middle, as given to :meth:`look_at` last [mm];
+    gradient, way : (f, n, 3), gradient of the energy at x, and the step from x;
+    steps : steps of Newton's method so far.
     """
 
     def __init__(
@@ -156,10 +127,7 @@ class SheetPose:
         self._ring_pressure = np.zeros((len(sheet.rings), f, n))
 
     def hold(self, points: Floats) -> bool:
-        """Choose the points that the rings hold.
-
-        ``points`` are (f, n, 3). Return whether the choice changed.
-        """
+        """Choose the points held by rings. Of (f, n, 3); return whether the choice changed."""
         if not self._sheet.rings:  # nor are its kernels compiled
             return False
         before = self.ring_points.copy()
@@ -167,10 +135,7 @@ class SheetPose:
         return not np.array_equal(before, self.ring_points)
 
     def look_at(self, x: Floats) -> None:
-        """Compute the energy's gradient and stiffness at x.
-
-        Positions x (f, n, 3) are about the middle.
-        """
+        """Compute the energy's gradient and stiffness. Positions x (f, n, 3) are about the middle."""
         self.x, gradient, blocks, near = x, self.gradient, self._blocks, self._near
         add_springs(x, self._held, self._pull, gradient, blocks)
         sheet, flat = self._sheet, (gradient.reshape(-1, 3), blocks.reshape(-1, 6))
@@ -185,17 +150,11 @@ class SheetPose:
             add_rings(x, self._rings, self.ring_points, *rounded, gradient, blocks, self._ring_pressure)
 
     def settle(self, segment: float, reach: float) -> bool:
-        """Bring the sheet to rest by Newton's method.
+        """Bring the sheet to rest by Newton's method. Return whether it came to rest.
 
-        Return whether the sheet came to rest. The matrix leaves out the turning of tangents, so that steps
-        get shorter by a ratio only.
-
-        Parameters
-        ----------
-        segment : float
-            Mean distance of points along a path at rest [mm].
-        reach : float
-            Distance of a point from its start at which the method gives up [mm].
+        The matrix leaves out the turning of tangents, so that steps get shorter by a ratio only. ``segment``
+        is the mean distance of points along a path at rest [mm]. The method gives up where a point is farther
+        than ``reach`` from its start [mm].
         """
         start = x = self.x
         enough = TOLERANCE * x.shape[0] * x.shape[1] * segment**2
@@ -243,18 +202,12 @@ class SheetPose:
         prepare_solve(self._blocks, self._sheet.neighbours.pairs, self._couplings, self._inverses)
 
     def _solve(self, gradient: Floats) -> float:
-        """Write to ``way`` the step that zeroes a gradient.
-
-        Return the step's slope.
-        """
+        """Write to ``way`` the step of a gradient. Return the step's slope."""
         stiffness = self._blocks, self._sheet.neighbours.pairs, self._couplings, self._inverses
         return newton_step(gradient, *stiffness, STEP_LEFT, self._work, self.way)
 
     def contacts(self) -> Ints:
-        """Return the number of pressed points per path.
-
-        Bones and rings press on the points; the result is (f,).
-        """
+        """Return the number of pressed points per path. Bones and rings press."""
         pressed = (self._pressure > 0.0).any(axis=0) | (self._ring_pressure > 0.0).any(axis=0)
         return np.asarray(np.count_nonzero(pressed, axis=1))
 
@@ -275,10 +228,7 @@ class SheetPose:
         return np.asarray(lacking.max(axis=1))
 
     def sags(self) -> Floats:
-        """Return the depths of segments in bones, (f,) [mm].
-
-        See :meth:`~vtkmuscle.core.paths.bone_contact.BoneContacts.sags`.
-        """
+        """Return :meth:`~vtkmuscle.core.paths.bone_contact.BoneContacts.sags` of segments, (f,) [mm]."""
         return self._sheet.contacts.sags(self.x, self._near)
 
     @property
@@ -380,10 +330,7 @@ def farthest_of(ways: Floats) -> float:
 
 
 def _turned(stiffness: Floats, turn: Floats) -> Floats:
-    """Return symmetric matrices A in turned axes, T A T^T.
-
-    The matrices are (f, n, 3, 3).
-    """
+    """Return matrices in turned axes, T A T^T. Symmetric matrices A (f, n, 3, 3)."""
     half = (stiffness.reshape(-1, 3) @ turn.T).reshape(-1, 3, 3)
     whole: Floats = half.transpose(0, 2, 1).reshape(-1, 3) @ turn.T
     return whole.reshape(stiffness.shape)

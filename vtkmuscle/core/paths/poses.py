@@ -16,15 +16,10 @@ class KeptPoses:
 
     A pose begins at the nearest kept pose. Nearness is the distance over which the bones carry the ends of
     paths from pose to pose; the rest pose is always kept. A computed pose is the same when asked for again.
-
-    Parameters
-    ----------
-    paths : MusclePaths
-        The paths.
     """
 
     def __init__(self, paths: MusclePaths) -> None:
-        self._paths = paths
+        self._paths, self.rest = paths, paths.rest
         ends = [(paths.start_bones, paths.fibres[:, 0]), (paths.end_bones, paths.fibres[:, -1])]
         self._bones: Ints = np.unique(np.concatenate([bones for bones, _ in ends]))
         boxes = []
@@ -38,30 +33,17 @@ class KeptPoses:
         #: Levers in each of these poses, by coordinate and its twists.
         self._levers: dict[bytes, dict[tuple[str, bytes], Floats]] = {}
 
-    @property
-    def rest(self) -> PathState:
-        """The paths at rest."""
-        return self._paths.rest
-
     def at(self, transforms: Floats, *, memory: float) -> PathState:
-        """Return the paths in a pose of the bones.
+        """Return the paths in a pose. Transforms (b, 4, 4) of the bones lead from rest to now.
 
-        Parameters
-        ----------
-        transforms : (b, 4, 4) array
-            Of the bones, rest to now.
-        memory : float
-            Size of the poses to keep [bytes]; the oldest are dropped first, the last is always kept.
+        Poses are kept up to a ``memory`` [bytes]; the oldest are dropped first, the last is always kept.
         """
         key = transforms.tobytes()
         if key not in self._states:
             corners, still = self._placed(transforms), np.broadcast_to(np.eye(4), transforms.shape)
-            start, nearest = self.rest, self._apart(self._placed(still), corners)
-            for state, placed in reversed(self._states.values()):
-                apart = self._apart(placed, corners)
-                if apart < nearest:
-                    start, nearest = state, apart
-            state = self._paths.follow(start, transforms)
+            starts = [(self.rest, self._placed(still)), *reversed(self._states.values())]
+            farthest_moves = [np.linalg.norm(corners - placed, axis=2).max() for _, placed in starts]
+            state = self._paths.follow(starts[int(np.argmin(farthest_moves))][0], transforms)
             self._states[key] = state, corners
             self._levers[key] = {}
             most = max(int(memory // max(state.nbytes, 1)), 1)
@@ -70,17 +52,11 @@ class KeptPoses:
         return self._states[key][0]
 
     def levers(self, transforms: Floats, twists: Mapping[str, Floats]) -> dict[str, Floats]:
-        """Return the levers of each path by each coordinate.
+        """Return the paths' levers by each coordinate.
 
-        Levers are (f,), in a kept pose. Levers are computed once: computed again, the last digits would
-        differ.
-
-        Parameters
-        ----------
-        transforms : (b, 4, 4) array
-            Of the bones, rest to now, as last given to :meth:`at`.
-        twists : mapping of str to (b, 6) array
-            See :meth:`~vtkmuscle.core.paths.sheet.PathState.levers`.
+        The pose is the last of :meth:`at`, the twists are as of
+        :meth:`~vtkmuscle.core.paths.sheet.PathState.levers`. Levers are computed once: computed again, the
+        last digits would differ.
         """
         key = transforms.tobytes()
         names = {name: (name, twist.tobytes()) for name, twist in twists.items()}
@@ -95,8 +71,3 @@ class KeptPoses:
         seen = inverse(transforms[self._bones[0]])
         boxes = zip(self._bones, self._corners, strict=True)
         return np.array([apply_transform(seen @ transforms[bone], box) for bone, box in boxes])
-
-    @staticmethod
-    def _apart(before: Floats, now: Floats) -> float:
-        """Return a corner's farthest move between two poses [mm]."""
-        return float(np.linalg.norm(now - before, axis=2).max())

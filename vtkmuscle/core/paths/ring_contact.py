@@ -17,16 +17,10 @@ from vtkmuscle.core.types import Floats, Ints
 class Rings(NamedTuple):
     """Via rings in a pose.
 
-    Attributes
-    ----------
-    frames : (r, 4, 3) array
-        Centre [mm], unit normal, and the two axes of the plane of each ring.
-    corners : (c, 2) array
-        Of all rings' polygons, along the axes about the centre [mm].
-    offsets : (r + 1,) int array
-        First corner of each ring, and c.
-    outside : (r, f) array
-        Allowed distance of each path outside of each ring: the distance at rest [mm].
+    frames : (r, 4, 3), centre [mm], unit normal, and the two axes of the plane of each ring;
+    corners : (c, 2), of all rings' polygons, along the axes about the centre [mm];
+    offsets : (r + 1,) int, first corner of each ring, and c;
+    outside : (r, f), allowed distance of each path outside of each ring: the distance at rest [mm].
     """
 
     frames: Floats
@@ -38,10 +32,7 @@ class Rings(NamedTuple):
 def rings_at(
     rings: Sequence[tuple[int, ViaRing]], transforms: Floats, middle: Floats, outside: Floats
 ) -> Rings:
-    """Return rings in a pose of the bones.
-
-    Each ring comes with the number of its bone. Positions are about a point, the middle.
-    """
+    """Return rings in a pose. Each comes with its bone's number; positions are about the middle."""
     moved = [moved_ring(ring, transforms[bone]) for bone, ring in rings]
     frames = np.array([[ring.centre - middle, ring.normal, *ring.axes] for ring in moved]).reshape(-1, 4, 3)
     corners = np.concatenate([np.empty((0, 2)), *(ring.corners for ring in moved)])
@@ -120,10 +111,7 @@ def _in_space(frame: Floats, p: float, q: float) -> tuple[float, float, float]:
 
 @kernel
 def outside_at(frame: Floats, corners: Floats, at: Floats) -> tuple[float, float, float, float, bool]:
-    """Return a point's height and way to the edge.
-
-    The height is over the ring's plane; :func:`way_to_edge` is along the ring's axes.
-    """
+    """Return a point's height and way to the edge. As of :func:`way_to_edge`, along the axes."""
     height, s, t = 0.0, 0.0, 0.0
     for c in range(3):
         away = at[c] - frame[0, c]
@@ -171,10 +159,7 @@ def crossing(frame: Floats, p: Floats) -> tuple[int, float, float, float]:
 
 @kernel
 def outside_of(rings: Rings, x: Floats, outside: Floats) -> None:
-    """Write the distances of crossing paths outside of rings.
-
-    Paths are (f, n, 3), distances in the rings' planes (r, f) [mm].
-    """
+    """Write the distances of paths outside of rings. Of crossing paths (f, n, 3), (r, f) [mm]."""
     for ring in range(len(rings.frames)):
         corners = rings.corners[rings.offsets[ring] : rings.offsets[ring + 1]]
         for a in range(len(x)):
@@ -183,10 +168,7 @@ def outside_of(rings: Rings, x: Floats, outside: Floats) -> None:
 
 
 def ring_load(x: Floats, rings: Rings, ring: int, points: Ints, rounding: float) -> Load:
-    """Return the load of a ring on held points.
-
-    Paths x are (f, n, 3); the points' numbers are (f,), 0 for no point.
-    """
+    """Return the load of a ring. On held points of paths x (f, n, 3): numbers (f,), 0 for no point."""
     first, last = rings.offsets[ring : ring + 2]
     frames, outside = rings.frames[ring : ring + 1], rings.outside[ring : ring + 1]
     alone = Rings(frames, rings.corners[first:last], np.array([0, last - first]), outside)

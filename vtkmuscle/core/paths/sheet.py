@@ -1,7 +1,4 @@
-"""A muscle's paths as one taut sheet round bones.
-
-The paths run beside each other in every pose.
-"""
+"""A muscle's paths as one taut sheet round bones."""
 
 from __future__ import annotations
 
@@ -49,32 +46,19 @@ _TOGETHER = 1e-9
 class PathState:
     """Paths in a pose of the bones.
 
-    Attributes
-    ----------
-    sheet : Sheet
-        The paths at rest.
-    points : (f, n, 3) array
-        Positions [mm].
-    transforms : (b, 4, 4) array
-        Of the bones, rest to now.
-    ring_points : (r, f) int array
-        Point of each path held by each ring, 0 for no point.
-    contacts : (f,) int array
-        Number of points of each path that bones or rings press on.
-    squeezed : (f,) array
-        Room that each path lacks between two bones [mm].
-    sags : (f,) array
-        Depth of each path's straight segments in the bones' clearance [mm].
-    settled : bool
-        Whether the sheet came to rest.
-    steps : int
-        Steps of Newton's method since the pose that the paths began with.
-    ends_moved : (2, f, 3) array
-        Move of each end since the pose before, seen from the bone of the path's opposite end [mm].
-    drift : (f, n, 3) array
-        Displacement of the points from the positions after the move of the ends alone [mm].
-    forces : callable
-        Returns the settled pose of the sheet, None when the sheet has gone on.
+    sheet : Sheet, the paths at rest;
+    points : (f, n, 3), positions [mm];
+    transforms : (b, 4, 4), of the bones, rest to now;
+    ring_points : (r, f) int, point of each path held by each ring, 0 for no point;
+    contacts : (f,) int, number of points of each path that bones or rings press on;
+    squeezed : (f,), room that each path lacks between two bones [mm];
+    sags : (f,), depth of each path's straight segments in the bones' clearance [mm];
+    settled : whether the sheet came to rest;
+    steps : steps of Newton's method since the pose that the paths began with;
+    ends_moved : (2, f, 3), move of each end since the pose before, seen from the bone of the path's opposite
+        end [mm];
+    drift : (f, n, 3), displacement of the points from the positions after the move of the ends alone [mm];
+    forces : callable, returns the settled pose of the sheet, None when the sheet has gone on.
     """
 
     sheet: Sheet
@@ -139,46 +123,24 @@ class MusclePaths:
     over the bones of the path's ends (:mod:`~vtkmuscle.core.paths.surroundings`). A path passes through via
     rings. The paths are in equilibrium, followed from pose to pose. Both ends are treated alike.
 
-    Parameters
-    ----------
-    fibres : (f, n, 3) array
-        Points at rest, evenly spread along each fibre, n >= 3, origin to insertion [mm].
-    start_bones, end_bones : (f,) int arrays
-        Bones of the ends.
-    surface : (v, 3) array, (m, 3) int array
-        The muscle at rest [mm], and its triangles, outward, closed.
-    bones : mapping of int to Bone
-        Bones at rest by number, to keep paths away from.
-    rings : sequence of (int, ViaRing)
-        The bone that each via ring moves with, and the ring at rest.
-    n_paths : int
-        Number of solved paths. Fewer than the fibres carry the paths of all
+    fibres : (f, n, 3), points at rest, evenly spread along each fibre, n >= 3, origin to insertion [mm];
+    start_bones, end_bones : (f,) int, bones of the ends;
+    surface : (v, 3), (m, 3) int, the muscle at rest [mm], and its triangles, outward, closed;
+    bones : mapping of int to Bone, bones at rest by number, to keep paths away from;
+    rings : sequence of (int, ViaRing), the bone that each via ring moves with, and the ring at rest;
+    n_paths : number of solved paths. Fewer than the fibres carry the paths of all
         (:class:`~vtkmuscle.core.paths.guides.Guides`).
 
-    Attributes
-    ----------
-    rest : PathState
-        At rest.
-    thickness : float
-        2 V / A of the muscle, the mean thickness of a flat muscle [mm].
+    rest : PathState, at rest;
+    thickness : 2 V / A of the muscle, the mean thickness of a flat muscle [mm].
 
-    Raises
-    ------
-    ValueError
-        If a fibre has no length, or the muscle no volume.
+    Raises a ValueError if a fibre has no length, or the muscle no volume.
     """
 
     def __init__(
-        self,
-        fibres: Floats,
-        start_bones: Ints,
-        end_bones: Ints,
-        surface: tuple[Floats, Ints],
-        bones: Mapping[int, Bone],
-        *,
-        rings: Sequence[tuple[int, ViaRing]] = (),
-        n_paths: int = ALL_PATHS,
-    ) -> None:
+        self, fibres: Floats, start_bones: Ints, end_bones: Ints, surface: tuple[Floats, Ints],
+        bones: Mapping[int, Bone], *, rings: Sequence[tuple[int, ViaRing]] = (), n_paths: int = ALL_PATHS,
+    ) -> None:  # fmt: skip
         if not (lengths := path_lengths(fibres)).all():
             raise ValueError(f"fibre {int(lengths.argmin())} has no length")
         guides = None
@@ -216,15 +178,12 @@ class MusclePaths:
         on the way from ``before``; a different result of ``follow(rest, transforms)`` shows several
         equilibria.
 
-        Parameters
-        ----------
-        before : PathState
-            The paths before; not changed.
-        transforms : (b, 4, 4) array
-            Of the bones, rest to now.
+        before : PathState, the paths before; not changed;
+        transforms : (b, 4, 4), of the bones, rest to now.
         """
         transforms = np.array(transforms, dtype=np.float64)
-        known = _padded(before.transforms, transforms)
+        known = transforms.copy()  # a further bone has not moved
+        known[: len(before.transforms)] = before.transforms[: len(known)]
         moves = _moves(known, transforms)
         if np.ptp(moves, axis=0).max() <= _TOGETHER:
             ends = self.start_bones, self.end_bones
@@ -261,10 +220,7 @@ class MusclePaths:
         return replace(state, steps=steps)
 
     def _ends_moved(self, before: Floats, now: Floats) -> Floats:
-        """Return the bones' moves of starts and ends.
-
-        Moves are seen from the opposite end's bone, (2, f, 3) [mm].
-        """
+        """Return the moves of starts and ends. Seen from the opposite end's bone, (2, f, 3) [mm]."""
         starts = self.start_bones, self.end_bones, self.fibres[:, 0]
         ends = self.end_bones, self.start_bones, self.fibres[:, -1]
         return np.array([_seen_from(now, *end) - _seen_from(before, *end) for end in (starts, ends)])
@@ -289,13 +245,6 @@ class MusclePaths:
         return PathState(*now, ends_moved, pose.points - carried, weakref.ref(pose))
 
 
-def _padded(before: Floats, now: Floats) -> Floats:
-    """Return earlier transforms of all bones of a pose."""
-    known = np.array(now)
-    known[: len(before)] = before[: len(now)]
-    return known
-
-
 def _moves(before: Floats, now: Floats) -> Floats:
     """Return the moves of bones, (b, 4, 4)."""
     return np.array([b @ inverse(a) for a, b in zip(before, now, strict=True)])
@@ -306,9 +255,6 @@ def _carried_by(transforms: Floats, points: Floats) -> Floats:
 
 
 def _seen_from(transforms: Floats, mine: Ints, others: Ints, points: Floats) -> Floats:
-    """Return points (f, 3) seen from another bone.
-
-    The points go with a bone of their own.
-    """
+    """Return points (f, 3) seen from another bone. They move with a bone of their own."""
     moved = _carried_by(transforms[mine], points) - transforms[others, :3, 3]
     return np.asarray(np.einsum("fji,fj->fi", transforms[others, :3, :3], moved))

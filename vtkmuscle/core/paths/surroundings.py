@@ -1,7 +1,4 @@
-"""The surroundings of a muscle's paths at rest.
-
-Bones, tissue and pressure hold the paths in every pose.
-"""
+"""Bones, tissue and pressure that hold a muscle's paths."""
 
 from __future__ import annotations
 
@@ -41,20 +38,14 @@ _STEPS = 30
 
 
 class Surroundings(NamedTuple):
-    """The forces that hold each point of each path.
+    """The forces that hold paths. By the bone that the forces move with.
 
-    Forces are sorted by the bone that the forces move with.
-
-    Attributes
-    ----------
-    standoff : (p, f, n) array
-        Least distance from each piece of a bone: the thickness of the tissue between [mm].
-    force : (b, f, n, 3) array
-        Force of each bone's tissue at rest, in the units of a path's springs [mm].
-    stiffness : (b, f, n, 3, 3) array
-        Fall of the force as the point leaves its place at rest, seen from the bone [1].
-    bones : tuple of int
-        Numbers of the bones with force and stiffness; without bones to keep away from, the bones of the ends.
+    standoff : (p, f, n), least distance from each piece of a bone: the thickness of the tissue between [mm];
+    force : (b, f, n, 3), force of each bone's tissue at rest, in the units of a path's springs [mm];
+    stiffness : (b, f, n, 3, 3), fall of the force as the point leaves its place at rest, seen from the bone
+        [1];
+    bones : tuple of int, numbers of the bones with force and stiffness; without bones to keep away from, the
+        bones of the ends.
     """
 
     standoff: Floats
@@ -64,13 +55,9 @@ class Surroundings(NamedTuple):
 
 
 def surroundings_of(
-    fibres: Floats,
-    start_bones: Ints,
-    end_bones: Ints,
-    pieces: Sequence[tuple[int, Bone]],
-    muscle: TriangleTree,
-    thickness: float,
-) -> Surroundings:
+    fibres: Floats, start_bones: Ints, end_bones: Ints, pieces: Sequence[tuple[int, Bone]],
+    muscle: TriangleTree, thickness: float,
+) -> Surroundings:  # fmt: skip
     """Return the forces that hold fibres at rest.
 
     Fibres (f, n, 3) are evenly spread. A chain of springs stays on a bent course x by the force
@@ -90,16 +77,10 @@ def surroundings_of(
     Pressure and tissue go with the bones by nearness; where no bones are given, with the bones of the ends,
     from all of the first to all of the second along the fibre.
 
-    Parameters
-    ----------
-    fibres, start_bones, end_bones
-        As of :class:`~vtkmuscle.core.paths.sheet.MusclePaths`.
-    pieces : sequence of (int, Bone)
-        The bone that each piece belongs to, and the piece at rest.
-    muscle : TriangleTree
-        The muscle's surface at rest.
-    thickness : float
-        2 V / A of the muscle [mm].
+    fibres, start_bones, end_bones : as of :class:`~vtkmuscle.core.paths.sheet.MusclePaths`;
+    pieces : sequence of (int, Bone), the bone that each piece belongs to, and the piece at rest;
+    muscle : TriangleTree, the muscle's surface at rest;
+    thickness : 2 V / A of the muscle [mm].
     """
     f, n, _ = fibres.shape
     bones = tuple(dict.fromkeys(number for number, _ in pieces))
@@ -152,10 +133,7 @@ def shares_by_distance(distances: Floats) -> Floats:
 
 
 def _bundle_means(values: Floats, fibres: Floats, width: float) -> Floats:
-    """Return the means of values over neighbouring fibres.
-
-    Values are (f, n, 3), and the fibres are within about a width [mm].
-    """
+    """Return means over neighbouring fibres. Of values (f, n, 3), within about a width [mm]."""
     means = np.empty_like(values)
     for i in range(fibres.shape[1]):
         section = fibres[:, i]
@@ -193,25 +171,14 @@ def tissue_between(
     right angles to the fibre, towards the bone, as far as the muscle reaches: a muscle wound round a cylinder
     has the same thickness below the fibres along the whole length, also ahead of the cylinder.
 
-    Parameters
-    ----------
-    points, tangents : (f, n, 3) arrays
-        Points of the fibres at rest [mm], and unit tangents.
-    depth : (f, n) array
-        Of the points in the muscle, 0 outside [mm].
-    bone : Bone
-        At rest.
-    muscle : TriangleTree
-        The muscle's surface at rest, closed, facing outward.
+    points, tangents : (f, n, 3), points of the fibres at rest [mm], and unit tangents;
+    depth : (f, n), of the points in the muscle, 0 outside [mm];
+    bone : Bone, at rest;
+    muscle : TriangleTree, the muscle's surface at rest, closed, facing outward.
 
-    Returns
-    -------
-    distance : (f, n) array
-        From the bone [mm].
-    outward : (f, n, 3) array
-        Unit direction away from the bone.
-    thickness : (f, n) array
-        Of the tissue between fibre and bone, at most the distance [mm].
+    Returns distance : (f, n), from the bone [mm];
+    outward : (f, n, 3), unit direction away from the bone;
+    thickness : (f, n), of the tissue between fibre and bone, at most the distance [mm].
     """
     shape = points.shape[:2]
     at, along = points.reshape(-1, 3), tangents.reshape(-1, 3)

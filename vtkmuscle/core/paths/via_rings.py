@@ -29,16 +29,10 @@ _LARGEST_BEND = 0.5
 class ViaRing(NamedTuple):
     """A ring in space.
 
-    Attributes
-    ----------
-    centre : (3,) array
-        Centroid of the area [mm].
-    normal : (3,) array
-        Unit normal of the plane; seen from the normal's tip the landmarks run counterclockwise.
-    axes : (2, 3) array
-        Unit vectors of the plane, right-handed with the normal.
-    corners : (k, 2) array
-        The polygon along the axes, about the centre, counterclockwise [mm].
+    centre : (3,), centroid of the area [mm];
+    normal : (3,), unit normal of the plane; seen from its tip the landmarks run counterclockwise;
+    axes : (2, 3), unit vectors of the plane, right-handed with the normal;
+    corners : (k, 2), the polygon along the axes, about the centre, counterclockwise [mm].
     """
 
     centre: Floats
@@ -57,17 +51,14 @@ def via_ring(landmarks: Floats) -> ViaRing:
     Raises
     ------
     ValueError
-        If there are fewer than three landmarks, a landmark is not finite, or the landmarks lie on a line or
-        far from a plane, or do not run once round their centre.
+        If there are fewer than three landmarks, or the landmarks lie on a line or far from a plane, or do not
+        run once round their centre.
     """
-    given = np.asarray(landmarks, dtype=np.float64)
-    if given.ndim != 2 or given.shape[1] != 3 or not np.isfinite(given).all():
-        raise InputError("", "the landmarks of a via ring must be finite points x, y, z")
-    given = given[(given != np.roll(given, 1, axis=0)).any(axis=1)]
-    if len(given) < 3:
-        raise InputError("", f"a via ring needs 3 landmarks or more, each once, but there are {len(given)}")
-    middle = given.mean(axis=0)
-    away = given - middle
+    once = landmarks[(landmarks != np.roll(landmarks, 1, axis=0)).any(axis=1)]
+    if len(once) < 3:
+        raise InputError("", f"a via ring needs 3 landmarks or more, each once, but there are {len(once)}")
+    middle = once.mean(axis=0)
+    away = once - middle
     following = np.roll(away, -1, axis=0)
     area = np.cross(away, following).sum(axis=0) / 2.0
     size = float(np.linalg.norm(area))
@@ -94,19 +85,13 @@ def via_ring(landmarks: Floats) -> ViaRing:
 
 
 def moved_ring(ring: ViaRing, transform: Floats) -> ViaRing:
-    """Return a ring moved by its bone.
-
-    The 4 x 4 transform takes the bone from rest to the bone's pose.
-    """
+    """Return a ring moved by its bone. The transform (4, 4) leads from rest to the pose."""
     turn, shift = transform[:3, :3], transform[:3, 3]
     return ViaRing(turn @ ring.centre + shift, turn @ ring.normal, ring.axes @ turn.T, ring.corners)
 
 
 def within_ring(ring: ViaRing, points: Floats) -> Bools:
-    """Return whether points are within the ring.
-
-    Points (n, 3) are seen along the ring's normal; the result is (n,).
-    """
+    """Return whether points are within the ring. Points (n, 3) are seen along the ring's normal."""
     places = (points - ring.centre) @ ring.axes.T
     return np.array([is_inside(ring.corners, x, y) for x, y in places], dtype=np.bool_)
 
@@ -132,10 +117,7 @@ def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
 
 @kernel
 def is_inside(corners: Floats, x: float, y: float) -> bool:
-    """Return whether a place is inside a polygon.
-
-    A ray along x from a place inside crosses an odd number of the polygon's sides.
-    """
+    """Return whether a place is inside. A ray along x crosses an odd number of the polygon's sides."""
     inside = False
     k = len(corners)
     for i in range(k):
@@ -148,10 +130,7 @@ def is_inside(corners: Floats, x: float, y: float) -> bool:
 
 @kernel
 def nearest_on_polygon(corners: Floats, x: float, y: float) -> tuple[float, float, bool]:
-    """Return a polygon's nearest point to a point.
-
-    Return also whether the nearest point is a corner.
-    """
+    """Return a polygon's nearest point. And whether the nearest point is a corner."""
     best, best_x, best_y, is_corner = np.inf, x, y, False
     k = len(corners)
     for i in range(k):
@@ -167,10 +146,7 @@ def nearest_on_polygon(corners: Floats, x: float, y: float) -> tuple[float, floa
 
 
 def _axes_across(normal: Floats, away: Floats) -> Floats:
-    """Return unit vectors (2, 3) across a normal.
-
-    The first vector points towards the first landmark.
-    """
+    """Return unit vectors (2, 3) across a normal. The first points towards the farthest landmark."""
     first = away[int(np.linalg.norm(np.cross(away, normal), axis=1).argmax())]
     first = first - (first @ normal) * normal
     first = first / np.linalg.norm(first)

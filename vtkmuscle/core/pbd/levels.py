@@ -1,7 +1,4 @@
-"""Position based dynamics on two levels, fine and coarse.
-
-The fine surface follows the coarse surface.
-"""
+"""Position based dynamics on two levels: the fine follows the coarse."""
 
 from __future__ import annotations
 

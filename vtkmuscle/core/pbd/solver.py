@@ -17,7 +17,7 @@ from types import MappingProxyType
 import numpy as np
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.bones.contact import BoneContact
+from vtkmuscle.core.bones.contact import BoneContact, PoseContact
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
@@ -156,13 +156,9 @@ class PBDSolver:
     """
 
     def __init__(
-        self,
-        muscle: FixedMuscle,
-        parameters: Parameters,
-        bones: Mapping[int, Bone] = MappingProxyType({}),
-        clearance: float = 0.0,
-        voxels: tuple[int, int | None] | None = None,
-    ) -> None:
+        self, muscle: FixedMuscle, parameters: Parameters, bones: Mapping[int, Bone] = MappingProxyType({}),
+        clearance: float = 0.0, voxels: tuple[int, int | None] | None = None,
+    ) -> None:  # fmt: skip
         self.parameters = parameters
         points, fixed_to, topology = muscle.points, muscle.fixed_to, muscle.topology()
         directions = None
@@ -309,7 +305,7 @@ class PBDSolver:
         """Return the contact with bones and neighbours in a step."""
         if isinstance(self._contact, VoxelContact):
             return self._contact.at(now, neighbours, self.centre, before, x)
-        return self._contact.at(now, neighbours, self.centre).keep_out
+        return PoseContact(self._contact, now, neighbours, self.centre).keep_out
 
     def _state(self, p: Floats, transforms: Floats, held: Bools, velocities: Floats | None = None) -> State:
         if not (np.isfinite(p).all() and (velocities is None or np.isfinite(velocities).all())):

@@ -82,9 +82,6 @@ def edge_rows(
     n = len(mass)
     masses = np.append(mass, 0.0)[np.where(quads < 0, n, quads)]
     used = np.flatnonzero((masses > 0.0).any(axis=1))
-    if not len(used):
-        nothing = np.empty((0, 4, WIDTH), dtype=np.uint32), np.empty((0, N_CONSTANTS, WIDTH))
-        return EdgeRows(*nothing, used)
     rows = rows_of_edges(quads[used], n)
     points = np.where(quads < 0, n, quads)[used]
     turned = np.cos(angles), np.sin(angles)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.contact import BoneBoxes, boxes_met
-from vtkmuscle.core.errors import InputError, errors_at
+from vtkmuscle.core.errors import errors_at
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.solids import closed_shells
 from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour
@@ -75,33 +75,21 @@ def _contains(at: Floats, cells: Cells, within: Bools) -> None:
 
 
 def build_voxel_grid(
-    points: Floats,
-    triangles: Ints,
-    *,
-    n_max: int = DEFAULT_N_MAX,
-    n_equal: int | None = None,
+    points: Floats, triangles: Ints, *, n_max: int = DEFAULT_N_MAX, n_equal: int | None = None,
     what: str = "voxels",
-) -> VoxelGrid:
+) -> VoxelGrid:  # fmt: skip
     """Return the voxels of a closed surface.
 
     Points are (n, 3), triangles (m, 3) at rest; a layer of cells is added. The bounding box is divided into
-    cells: about ``n_max`` near-cubes, or ``n_equal`` along each axis. Cells that a triangle meets are the
-    boundary. Cells that cannot be reached from beyond the box without crossing the boundary are inside, also
+    cells: about ``n_max`` >= 1 near-cubes, or ``n_equal`` >= 1 along each axis. Cells that a triangle meets
+    are the boundary. Cells that cannot be reached from beyond the box without crossing it are inside, also
     cells in a hollow or behind a hole too narrow for the cells. Holes in the surface are closed first.
 
     Warns
     -----
     UserWarning
         If the surface is open, inside out or encloses no volume; the warning names ``what`` and the mending.
-
-    Raises
-    ------
-    ValueError
-        If n_max or n_equal is not positive.
     """
-    if n_max < 1 or (n_equal is not None and n_equal < 1):
-        given = f"n_max={n_max}, n_equal={n_equal}"
-        raise InputError("", f"a voxel grid needs n_max >= 1 and n_equal >= 1, got {given}")
     surface = closed_shells(points, triangles)
     points, triangles = surface.points, np.vstack(surface.shells)
     if surface.remarks:
@@ -196,20 +184,20 @@ class VoxelContact:
         self._bones, self._free, self._bone_push = tuple(bones.values()), free, bone_push
         # No voxel reaches farther over the bone's box than it is long.
         diagonals = [float(np.linalg.norm(bone.box[1] - bone.box[0])) for bone in self._bones]
-        per_side = n_equal or max(n_max, 1) ** (1.0 / 3.0)
+        per_side = n_equal or n_max ** (1.0 / 3.0)
         self._boxes = BoneBoxes(bones, [2.0 * diagonal / per_side for diagonal in diagonals])
-        self._n_max, self._n_equal = n_max, n_equal
+        self._divided = n_max, n_equal
 
     def grid(self, number: int) -> VoxelGrid:
         """Return the voxels of a bone."""
-        bone, divided = self._bones[number], (self._n_max, self._n_equal)
+        bone, (n_max, n_equal) = self._bones[number], self._divided
         grids = _GRIDS.setdefault(bone, {})
-        if divided not in grids:
+        if self._divided not in grids:
+            surface = bone.points, bone.triangles
             with errors_at(bone.name):
-                grids[divided] = build_voxel_grid(
-                    bone.points, bone.triangles, n_max=self._n_max, n_equal=self._n_equal, what=bone.name
-                )
-        return grids[divided]
+                made = build_voxel_grid(*surface, n_max=n_max, n_equal=n_equal, what=bone.name)
+            grids[self._divided] = made
+        return grids[self._divided]
 
     def at(
         self, now: Floats, neighbours: Sequence[Neighbour], centre: Floats, before: Floats, x: Floats
@@ -220,7 +208,7 @@ class VoxelContact:
         x (n, 3) before the step, are relative to a centre (3,) in the scene.
         """
         met = np.empty(len(self._bones), dtype=np.bool_)
-        muscles = MuscleContact(neighbours, self._free, centre) if neighbours else None
+        muscles = MuscleContact(neighbours, self._free, centre)
         corners = self._boxes.moved(now, centre)
         about = np.eye(4)
         about[:3, 3] = -centre
@@ -228,9 +216,7 @@ class VoxelContact:
         moves = [(pose, pose @ inverse(before[bone]) @ inverse(about)) for bone, pose in poses.items()]
 
         def keep_out(p: Floats) -> Bools:
-            moved = np.zeros(len(p), dtype=np.bool_)
-            if muscles is not None:
-                moved |= muscles.keep_out(p)
+            moved = muscles.keep_out(p)
             boxes_met(p, self._free, *corners, met)
             for number in np.flatnonzero(met).tolist():
                 motion = *moves[number], x, p, self._free

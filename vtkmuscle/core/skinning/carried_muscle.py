@@ -1,13 +1,10 @@
-"""A muscle's surface carried by paths, then settled.
-
-Bones carry a muscle without paths.
-"""
+"""A muscle's surface carried by paths or bones, then settled."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -38,14 +35,20 @@ SPREAD = 0.4
 TOGETHER, MOST_STEPS = 1.6, 6
 
 
-class SettlingResult(NamedTuple):
-    """The points (n, 3) of a settled muscle [mm].
+@dataclass(frozen=True, eq=False)
+class CarriedPose:
+    """A muscle in a pose of its bones.
 
-    The result also has the number of points that bones or other muscles hold off.
+    surface : (n, 3), points of the settled muscle [mm];
+    carried : (n, 3), the points where paths or bones carry the muscle, before it settles [mm];
+    colliding : int, number of points that bones or other muscles hold off;
+    skinned : SkinnedMuscle or None, the skinned muscle; None without paths.
     """
 
     surface: Floats
+    carried: Floats
     colliding: int
+    skinned: SkinnedMuscle | None = None
 
 
 class Settling:
@@ -79,7 +82,7 @@ class Settling:
 
     def settle(
         self, carried: Floats, transforms: Floats, rounds: int, near: Near = (), progress: Progress = quiet
-    ) -> SettlingResult:
+    ) -> CarriedPose:
         """Return the muscle settled in a pose.
 
         carried : (n, 3), the muscle's points as the paths carry the points [mm]; fixed points go with their
@@ -89,10 +92,10 @@ class Settling:
         near : sequence of Neighbour, other muscles now, to keep the free points out of;
         progress : callable, called after each round.
         """
-        carried = carried.copy()
+        before, carried = carried, carried.copy()
         for bone, fixed in self._fixed:
             carried[fixed] = apply_transform(transforms[bone], self._rest[fixed])
-        touching = self._contact.at(transforms, near)
+        touching = PoseContact(self._contact, transforms, near, np.zeros(3))
         points = carried.copy()
         self._leave_bones(points, touching)
         displacement = np.empty_like(points)
@@ -105,7 +108,7 @@ class Settling:
             np.add(carried, displacement, out=points)
             progress((number + 1) / rounds)
         held = self._volume.finish(points, touching.keep_out)
-        return SettlingResult(points, int(held.sum()))
+        return CarriedPose(points, before, int(held.sum()))
 
     def _leave_bones(self, points: Floats, touching: PoseContact) -> None:
         """Move points out of the bones, in place.
@@ -140,22 +143,6 @@ def _torn(points: Floats, way: Floats, inside: Bools, edges: Ints) -> bool:
     opposite = (way[first] * way[second]).sum(axis=1) < 0.0
     apart, lengths = (np.linalg.norm(x[first] - x[second], axis=1) for x in (way, points))
     return bool((opposite & (apart > lengths)).any())
-
-
-@dataclass(frozen=True, eq=False)
-class CarriedPose:
-    """A muscle in a pose of its bones.
-
-    surface : (n, 3), points of the settled muscle [mm];
-    carried : (n, 3), the points where paths or bones carry the muscle, before it settles [mm];
-    colliding : int, number of points that bones or other muscles hold off;
-    skinned : SkinnedMuscle or None, the skinned muscle; None without paths.
-    """
-
-    surface: Floats
-    carried: Floats
-    colliding: int
-    skinned: SkinnedMuscle | None
 
 
 class CarriedMuscle:
@@ -203,8 +190,7 @@ class CarriedMuscle:
         elif self._weights is not None:
             carriers, weights = self._weights
             carried = blend_motions(transforms[carriers], weights, self._points)
-        settled = self._settling.settle(carried, transforms, **settling)
-        return CarriedPose(settled.surface, carried, settled.colliding, skinned)
+        return replace(self._settling.settle(carried, transforms, **settling), skinned=skinned)
 
     def fibre_points(self, pose: CarriedPose) -> Floats:
         """Return the points of the muscle's fibres before the muscle settles.

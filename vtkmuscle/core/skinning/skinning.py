@@ -1,7 +1,4 @@
-"""A muscle skinned to its paths.
-
-The method is linear blend skinning with frames by shape matching.
-"""
+"""A muscle skinned to its paths, with frames by shape matching."""
 
 from __future__ import annotations
 
@@ -98,10 +95,7 @@ class Skinning:
         self._with_bone: Floats = np.exp(-0.5 * (2.0 * apart / thickness) ** 2)
 
     def _means_beside(self, values: Floats) -> Floats:
-        """Return the weighted means of neighbouring values.
-
-        The values (f n, ...) are at the points beside each point of a path.
-        """
+        """Return means of neighbouring values. Of (f n, ...) at the points beside each point of a path."""
         return np.asarray(self._across @ (self._along @ values))
 
     def _weights_of(self, points: Floats, least: float) -> SkinningWeights:

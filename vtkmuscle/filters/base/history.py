@@ -10,37 +10,30 @@ from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 
 Frame = TypeVar("Frame")
+#: Time of a frame; None without time steps.
+Time = float | None
 #: Unit of ``checkpoint_memory`` [bytes].
 MEGABYTE = 10**6
 
 
-class Checkpoints(dict[float | None, Frame]):
-    """Frames by time, thinned out evenly within a memory limit.
+def thin(
+    frames: dict[Time, Any], steps: Sequence[float], last: Sequence[Time], *, nbytes: int, memory: float
+) -> None:
+    """Drop frames of `nbytes` each, by time, until they fit into `memory` [bytes].
 
     Frames whose index is a multiple of a stride are kept; the stride is the least power of two that fits into
-    memory. With room for k of n frames, going back costs at most 2 n / k steps. The last requested frame and
-    its predecessor are always kept, so that playing on never restarts, even after a request between two time
-    steps.
+    memory. With room for k of n frames, going back costs at most 2 n / k steps. `steps` are all time steps,
+    in order. Frames between steps go first, because no other frame depends on them. Frames at the times
+    `last` are kept, and not counted.
     """
-
-    def done(self, path: Sequence[float | None]) -> int:
-        """Return the index after a path's last stored frame."""
-        return max((i + 1 for i, time in enumerate(path) if time in self), default=0)
-
-    def thin(self, steps: Sequence[float], last: Sequence[float | None], nbytes: int, memory: float) -> None:
-        """Drop frames of `nbytes` each until they fit into `memory` [bytes].
-
-        `steps` are all time steps, in order. Frames between steps go first, because no other frame depends on
-        them. Frames at the times `last` are kept, and not counted.
-        """
-        number: dict[float | None, int] = {time: i for i, time in enumerate(steps)}
-        kept, stride = [time for time in self if time not in last], 1
-        while len(kept) * nbytes > memory:
-            fits = nbytes <= memory
-            kept = [time for time in kept if fits and number.get(time, 0.5) % stride == 0]
-            stride *= 2
-        for time in set(self) - {*kept, *last}:
-            del self[time]
+    number: dict[Time, int] = {time: i for i, time in enumerate(steps)}
+    kept, stride = [time for time in frames if time not in last], 1
+    while len(kept) * nbytes > memory:
+        fits = nbytes <= memory
+        kept = [time for time in kept if fits and number.get(time, 0.5) % stride == 0]
+        stride *= 2
+    for time in set(frames) - {*kept, *last}:
+        del frames[time]
 
 
 class HistoryFilter(Filter, Generic[Frame]):
@@ -53,6 +46,8 @@ class HistoryFilter(Filter, Generic[Frame]):
 
     #: Input ports with moving data; the first port has the time steps of the result.
     moving: ClassVar[tuple[str, ...]]
+    #: Parameters that do not affect a frame.
+    without_effect: ClassVar[tuple[str, ...]] = ("checkpoint_memory",)
     checkpoint_memory: Parameter[float]
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -60,7 +55,7 @@ class HistoryFilter(Filter, Generic[Frame]):
         cls.times_from = cls.moving[0]
 
     def __init__(self, **settings: Any) -> None:
-        self._frames: Checkpoints[Frame] = Checkpoints()
+        self._frames: dict[Time, Frame] = {}
         self._made_with: object = None
         self._steps: tuple[float, ...] = ()
         #: Time of the moving ports' arguments.
@@ -69,18 +64,8 @@ class HistoryFilter(Filter, Generic[Frame]):
         self._done = 0, 1
         super().__init__(**settings)
 
-    def settings_of_frames(self) -> dict[str, Any]:
-        """Return the parameters that affect a frame."""
-        settings = self.parameters_that_count()
-        del settings["checkpoint_memory"]
-        return settings
-
-    def forget(self) -> None:
-        """Drop all frames after a change of inputs."""
-        self._frames.clear()
-
     @property
-    def path(self) -> list[float | None]:
+    def path(self) -> list[Time]:
         """Times of the frames up to the requested time; [None] without steps."""
         time = self.request_time
         return [time] if time is None else [*(step for step in self._steps if step < time), time]
@@ -92,7 +77,7 @@ class HistoryFilter(Filter, Generic[Frame]):
         takes the frame before (None at first) and the moving arguments, and returns the next frame.
         """
         path = self.path
-        for index in range(self._frames.done(path), len(path)):
+        for index in range(self._n_stored(path), len(path)):
             self._done = index, len(path)
             before, data = self._frames[path[index - 1]] if index else None, arguments
             if path[index] != self._asked:
@@ -125,23 +110,28 @@ class HistoryFilter(Filter, Generic[Frame]):
         """
         numbers = [self._number_of(name) for name in self.moving]
         connected = [number for number in numbers if self.GetNumberOfInputConnections(number)]
-        made_with = self.settings_of_frames(), state_of_inputs(self, connected)
+        settings = self.parameters_that_count().items()
+        counting = {name: value for name, value in settings if name not in self.without_effect}
+        made_with = counting, state_of_inputs(self, connected)
         if made_with != self._made_with:
-            self.forget()
+            self._frames.clear()
             self._made_with = made_with
         self._steps = times_of(inInfo[numbers[0]].GetInformationObject(0))
         if not self._steps:
             self._frames.clear()
             return 1
         self.request_time = requested_time(outInfo.GetInformationObject(0))
-        missing = self.path[self._frames.done(self.path) :]
+        missing = self.path[self._n_stored(self.path) :]
         self._asked = (missing or self.path[-1:])[0]
         for number in connected:
             request_time(inInfo[number].GetInformationObject(0), self._asked)
         return 1
 
-    def _thin_out(self, path: Sequence[float | None]) -> None:
-        """Drop frames beyond the memory; the last two of a path stay."""
+    def _n_stored(self, path: Sequence[Time]) -> int:
+        """Return the index after a path's last stored frame."""
+        return max((i + 1 for i, time in enumerate(path) if time in self._frames), default=0)
+
+    def _thin_out(self, path: Sequence[Time]) -> None:
+        """Drop frames beyond the memory; the last two of a path stay, so that playing on never restarts."""
         nbytes = self._frames[path[-1]].nbytes  # type: ignore[attr-defined]
-        memory = MEGABYTE * self.checkpoint_memory
-        self._frames.thin(self._steps, path[-2:], nbytes=nbytes, memory=memory)
+        thin(self._frames, self._steps, path[-2:], nbytes=nbytes, memory=MEGABYTE * self.checkpoint_memory)
