@@ -24,7 +24,7 @@ from vtkmuscle.core.fibres.mean_value import transport
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, polylines_of
-from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, surface_of
 from vtkmuscle.filters import (
     FibreMetrics,
     FibreSmoother,
@@ -77,7 +77,7 @@ def coverage(fibres: object, muscle: object) -> tuple[float, float, float]:
     fibres can do, for it has fibres begin and end within the muscle wherever it widens or tapers.
     """
     lines = polylines_of(fibres, "fibres")
-    geometry = muscle_geometry(muscle, "muscle")
+    geometry = surface_of(muscle, "muscle").geometry
     inside = random_points(geometry)
     dense = []
     for first, last in pairwise(lines.offsets):
@@ -125,7 +125,7 @@ def quality(name: str, fibres: object, muscle: object, bones: object) -> None:
     steps = np.diff(lines.points.reshape(len(lines), -1, 3), axis=1)
     steps /= np.linalg.norm(steps, axis=2, keepdims=True)
     turns = np.degrees(np.arccos(np.clip((steps[:, 1:] * steps[:, :-1]).sum(axis=2), -1, 1)))
-    signed = muscle_geometry(muscle, "muscle").solids.distances(lines.points)
+    signed = surface_of(muscle, "muscle").geometry.solids.distances(lines.points)
     outside = np.maximum(signed, 0.0)
     found, ideal, even = coverage(fibres, muscle)
     length = summary["Length"]

@@ -28,7 +28,7 @@ from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import Polylines, field_string, polylines_of
 from vtkmuscle.data.attachments import AttachmentArea, aponeuroses_data, attachments_from
-from vtkmuscle.data.muscle_geometry import muscle_geometry
+from vtkmuscle.data.muscle_geometry import surface_of
 from vtkmuscle.filters import FibreSource
 from vtkmuscle.io import read_aponeurosis, read_polydata, read_surface
 from vtkmuscle.pipelines import decompose
@@ -86,7 +86,7 @@ def course_figures(muscle: Any, areas: Any, way: Way) -> str:
         start = time.process_time()
         fibres = way(muscle, areas, 100).update().output
         times.append(time.process_time() - start)
-    lines, geometry = polylines_of(fibres, "fibres"), muscle_geometry(muscle, "muscle")
+    lines, geometry = polylines_of(fibres, "fibres"), surface_of(muscle, "muscle").geometry
     samples, volume = geometry.samples(SAMPLES), signed_volume(geometry.points, geometry.triangles)
     dense = evenly_spaced(lines.points, lines.offsets, DENSE).reshape(-1, 3)
     found = arrangement(lines.points, lines.offsets, samples, volume)

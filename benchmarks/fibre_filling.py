@@ -21,7 +21,7 @@ from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.template import KINDS
 from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.data.muscle_geometry import muscle_geometry
+from vtkmuscle.data.muscle_geometry import surface_of
 from vtkmuscle.pipelines import decompose
 
 #: Positions in a muscle, and places along a fibre.
@@ -31,7 +31,7 @@ SAMPLES, PLACES = 20_000, 200
 def bare_share(muscle: Any, attachments: Any, **settings: Any) -> float:
     """Return the part of a muscle that is farther than two spacings from any fibre."""
     lines = polylines_of(decompose(muscle, attachments, **settings).update().output, "fibres")
-    geometry = muscle_geometry(muscle, "muscle")
+    geometry = surface_of(muscle, "muscle").geometry
     dense = evenly_spaced(lines.points, lines.offsets, PLACES).reshape(-1, 3)
     apart = cKDTree(dense).query(geometry.samples(SAMPLES))[0]
     volume = abs(signed_volume(geometry.points, geometry.triangles))

@@ -47,7 +47,7 @@ STAGES: dict[str, tuple[str, ...]] = {
     "tables": ("run/steps:_judge_further", "run/store/writing:ResultWriter.write_tables", "run/table:Table"),
     "frames": ("run/muscles:MuscleRun._keep", "run/store/writing:ResultWriter"),
     "figures": (_CHILDREN, "run/figures:Drawing"),
-    "page": ("report/page:write_page",),
+    "page": ("report/page:page_of",),
 }
 
 

@@ -71,6 +71,7 @@ LONG_SIGNATURES = {
     "cli.results.check",  # a parameter per option, as typer has it
     "cli.results.export",
     "cli.results.from_labels",
+    "cli.results.init",
     "cli.running.tradeoff",
     "phantoms.phantom.phantom_from",  # the fields of a phantom
     "pipelines.__init__.__init__",  # the inputs of a pipeline

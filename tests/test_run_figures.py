@@ -19,6 +19,7 @@ from vtkmuscle.plotting import can_render, drawing
 from vtkmuscle.plotting.drawing import FigureOrder
 from vtkmuscle.plotting.sheets import SCREEN
 from vtkmuscle.run import figures as run_figures
+from vtkmuscle.run import result as run_result
 from vtkmuscle.run import steps as run_steps
 
 
@@ -88,7 +89,7 @@ def test_figures_are_written_in_each_form_or_not_at_all(renders, scene, tmp_path
     for options, words in (({"form": "jpg"}, "png, pdf, svg"), ({"dpi": 0}, "20 to 2400")):
         with pytest.raises(ValueError, match=words):
             result.write_figures(tmp_path, **options)
-    monkeypatch.setattr(run_figures, "can_render", lambda: "there is no display card")
+    monkeypatch.setattr(run_result, "can_render", lambda: "there is no display card")
     with pytest.raises(RuntimeError, match="there is no display card"):
         result.write_figures(tmp_path / "none")
     assert not (tmp_path / "none").exists()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -78,7 +77,6 @@ class MuscleAccessor:
         time: float | None = None,
         fibres: Any = None,
         attachments: Any = None,
-        fixing: Mapping[str, Any] | None = None,
         **solver: Any,
     ) -> Any:
         """Return the muscle deformed with the bones.
@@ -93,14 +91,13 @@ class MuscleAccessor:
             Time; by default the last time step of the motion.
         fibres : vtkPolyData, optional
             Fibres at rest, for the paths.
-        fixing : mapping, optional
-            Parameters of FixedPointDetector; not needed for a mesh with ``FixedTo``.
         **solver
             Parameters of :class:`~vtkmuscle.filters.PBDDeformer`.
         """
-        marked = attachments is None and fixing is None and "FixedTo" in self._mesh.point_data
-        fixed = None if marked else fixing or {}
-        last = deform(self._mesh, bones, motion, attachments, fibres=fibres, fixing=fixed, **solver)
+        fixing: dict[str, Any] | None = (
+            None if attachments is None and "FixedTo" in self._mesh.point_data else {}
+        )
+        last = deform(self._mesh, bones, motion, attachments, fibres=fibres, fixing=fixing, **solver)
         return last.apply(time=time)
 
     def fibres(

@@ -16,6 +16,7 @@ from vtkmuscle.core.words import names as as_names
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.plotting.drawing import html_picture
 from vtkmuscle.run import Result, run_scene
+from vtkmuscle.run.figures import plotter_at_rest
 from vtkmuscle.run.frames import run_options
 from vtkmuscle.scene.checks import checked
 from vtkmuscle.scene.data import Muscle, SceneData, SceneError
@@ -217,8 +218,6 @@ class Scene(SceneData, ByName):
         unknown names. With ``show=False`` the plotter is returned before it is shown; ``off_screen`` is
         PyVista's own setting by default.
         """
-        from vtkmuscle.run.figures import plotter_at_rest  # noqa: PLC0415 -- only pictures need PyVista
-
         shown = self if muscles is None else self.with_muscles(*as_names(muscles))
         plotter = plotter_at_rest(shown, off_screen)
         return plotter.show() if show else plotter

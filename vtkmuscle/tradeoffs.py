@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.fibres.measures import root_mean_square
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters.deformer import PRESETS
@@ -244,9 +245,8 @@ def _middle(curve: Any) -> Any:
 
 def _rms(parts: Sequence[Any]) -> float:
     """Return the root mean square of all numbers. NaN of none; a frame that did not settle has none."""
-    numbers = np.concatenate([*parts, np.empty(0)])
-    numbers = numbers[np.isfinite(numbers)]
-    return float(np.sqrt(np.mean(numbers**2))) if len(numbers) else float("nan")
+    root = root_mean_square(np.concatenate([*parts, np.empty(0)]))
+    return np.nan if root is None else root
 
 
 def _together(muscles: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

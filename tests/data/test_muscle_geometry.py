@@ -4,7 +4,7 @@ from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
-from vtkmuscle.data.muscle_geometry import muscle_geometry
+from vtkmuscle.data.muscle_geometry import surface_of
 
 
 @pytest.fixture
@@ -17,17 +17,17 @@ def copied(surface):
 
 
 def test_a_change_through_a_view_makes_another_surface_and_leaves_the_old_facts(ball):
-    known = muscle_geometry(ball, "test")
+    known = surface_of(ball, "test").geometry
     vtk_to_numpy(ball.GetPoints().GetData())[:] *= 2
-    other = muscle_geometry(ball, "test")
+    other = surface_of(ball, "test").geometry
     assert other is not known
     assert known.solids.depth([[0.0, 0, 0]])[0] == pytest.approx(10, abs=0.3)
     assert other.solids.depth([[0.0, 0, 0]])[0] == pytest.approx(20, abs=0.6)
 
 
 def test_facts_are_right(ball):
-    known = muscle_geometry(ball, "test")
+    known = surface_of(ball, "test").geometry
     points, triangles = points_of(ball), triangles_of(ball, "")
     assert known.n_open_edges == 0
     assert known.mean_edge == pytest.approx(edge_lengths(points, unique_edges(triangles)).mean(), rel=1e-12)
-    assert muscle_geometry(surface_from(points, triangles[1:]), "test").n_open_edges == 3
+    assert surface_of(surface_from(points, triangles[1:]), "test").geometry.n_open_edges == 3

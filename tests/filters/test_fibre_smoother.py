@@ -14,7 +14,7 @@ from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import cell_array, checked_surface, points_of, polylines_of
 from vtkmuscle.data.attachments import attachments_of
-from vtkmuscle.data.muscle_geometry import muscle_geometry
+from vtkmuscle.data.muscle_geometry import surface_of
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
 from vtkmuscle.phantoms import hip, spindle_over_hinge
 from vtkmuscle.pipelines import decompose
@@ -72,7 +72,7 @@ def test_with_spreading_ends_move_on_their_areas():
     moved = points_of(FibreSmoother(spreading=1.5)(rest, muscle, attachments)).reshape(30, -1, 3)
     assert_array_equal(held[:, [0, -1]], points_of(rest).reshape(30, -1, 3)[:, [0, -1]])
     assert np.linalg.norm(moved - held, axis=2)[:, [0, -1]].max() > 0.3
-    geometry = muscle_geometry(muscle, "muscle")
+    geometry = surface_of(muscle, "muscle").geometry
     for end, role in ((0, "origin"), (-1, "insertion")):
         patch = np.concatenate([geometry.patch(a) for a in attachments_of(attachments, "") if a.role == role])
         on_area = geometry.on(patch).distances(moved[:, end])
@@ -110,7 +110,7 @@ def nearest_fibre(places, lines):
 def bare_share(muscle, attachments, **settings):
     """Return the part of a muscle that is farther than two spacings from any of its 100 fibres."""
     lines = polylines_of(decompose(muscle, attachments, **settings).update().output, "test")
-    geometry = muscle_geometry(muscle, "test")
+    geometry = surface_of(muscle, "test").geometry
     apart = nearest_fibre(geometry.samples(8192), lines)
     volume = abs(signed_volume(geometry.points, geometry.triangles))
     spacing = np.sqrt(volume / polyline_lengths(lines.points, lines.offsets).sum())
@@ -161,7 +161,7 @@ def test_a_hundred_fibres_cover_real_muscles_nearly_as_well_as_evenly_spaced_one
     scene = Scene.load(lhdl_hip / "scene.toml")
     muscle = scene.muscles[name].surface
     lines = polylines_of(decompose(muscle, scene.attachments_data(name)).update().output, name)
-    geometry = muscle_geometry(muscle, name)
+    geometry = surface_of(muscle, name).geometry
     places = np.random.default_rng(1).uniform(geometry.points.min(0), geometry.points.max(0), (60_000, 3))
     inside = places[geometry.solids.depth(places) > 0.0]
     assert len(inside) > 5000

@@ -40,7 +40,7 @@ def test_version_3_is_read_whatever_its_letters(tmp_path):
     pose = model.tree.poses({"knee_angle": [0.0]})["tibia"][0]
     expected = frame_at((0, 0.5, 0), (0.1, 0, 0.2)) @ np.linalg.inv(frame_at((0, 0.1, 0), (0, 0.3, 0)))
     np.testing.assert_allclose(pose, expected, atol=1e-12)
-    assert model.meshes[0].file == "tibia.vtp"
+    assert model.meshes[0][1] == "tibia.vtp"
 
 
 def test_muscles_have_their_points_and_parameters(tmp_path):

@@ -18,6 +18,7 @@ import typer
 from typer import Argument, Option
 
 import vtkmuscle
+from vtkmuscle import io
 from vtkmuscle.cli import options as shared
 from vtkmuscle.cli.options import BAD_INPUT, FAILED, INTERRUPTED
 from vtkmuscle.cli.results import check, compare, export, figures, from_labels, init, report
@@ -141,8 +142,8 @@ def info(
 ) -> None:
     """Describe meshes: size, topology, pieces, volume, likely unit.
 
-    Landmarks: number, ring, frame. OpenSim models: bodies, joints, coordinates, muscles. Motions: columns.
-    Folders of results: frames.
+    Landmarks: number, ring, frame. OpenSim models: bodies, joints, coordinates, muscles. Folders of results:
+    frames.
     """
     from vtkmuscle.cli.info import draw_landmarks, facts_of
 
@@ -151,9 +152,7 @@ def info(
         for word, value in facts_of(file).items():
             typer.echo(f"  {word:<12}{value}")
     if draw is not None:
-        from vtkmuscle.io.writing import Outputs
-
-        with Outputs(draw.parent, inputs=files, overwrite=overwrite):
+        with io.Outputs(draw.parent, inputs=files, overwrite=overwrite):
             draw_landmarks(files[0], draw)
         typer.echo(f"wrote {draw}")
 

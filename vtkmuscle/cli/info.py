@@ -1,4 +1,4 @@
-"""``vtkmuscle info``: facts about meshes, results, landmarks, models and motions."""
+"""``vtkmuscle info``: facts about meshes, results, landmarks and models."""
 
 from __future__ import annotations
 
@@ -13,14 +13,13 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import joined_triangles, points_of, triangles_of
 from vtkmuscle.io import read_landmarks, read_named_points, read_polydata
 from vtkmuscle.io.surfaces import stated_frame
-from vtkmuscle.joints.osim import read_motion_file
 from vtkmuscle.labels.draft import likely_unit
 from vtkmuscle.labels.guesses import LOOK
 from vtkmuscle.opensim.model import OsimModel, read_osim
 from vtkmuscle.run.store import ResultFolder
 
-#: Suffixes of landmarks and of motions.
-LANDMARKS, MOTIONS = (".csv", ".json", ".fcsv", ".nrrd"), (".mot", ".sto")
+#: Suffixes of landmarks.
+LANDMARKS = (".csv", ".json", ".fcsv", ".nrrd")
 #: Longest list of names that is printed whole.
 _MOST = 12
 
@@ -32,8 +31,6 @@ def facts_of(file: Path) -> Mapping[str, str]:
     suffix = file.suffix.lower()
     if suffix in LANDMARKS:
         return _of_landmarks(file)
-    if suffix in MOTIONS:
-        return _of_motion(file)
     return _of_model(read_osim(file)) if suffix == ".osim" else _of_mesh(file)
 
 
@@ -75,15 +72,6 @@ def _of_landmarks(file: Path) -> dict[str, str]:
     }
 
 
-def _of_motion(file: Path) -> dict[str, str]:
-    found = read_motion_file(file)
-    units = {True: "degrees", False: "radians", None: "not said"}
-    columns = zip(found.labels, found.table.T, strict=True)
-    ranges = [f"{label} ({column.min():.4g} .. {column.max():.4g})" for label, column in columns]
-    rows = f"{len(found.times)}, {found.times[0]:g} .. {found.times[-1]:g} s"
-    return {"rows": rows, "angles": units[found.degrees], "columns": _listed(ranges)}
-
-
 def _of_model(model: OsimModel) -> dict[str, str]:
     tree = model.tree
     lists = {
@@ -94,7 +82,7 @@ def _of_model(model: OsimModel) -> dict[str, str]:
         "muscles": model.muscles,
         "ligaments": model.ligaments,
         "wrapped": [name for name, one in model.paths.items() if getattr(one.path, "wraps", ())],
-        "meshes": [mesh.file for mesh in model.meshes],
+        "meshes": [file for _, file in model.meshes],
         "not used": model.not_used,
     }
     facts = {word: _listed(list(names)) for word, names in lists.items() if names}

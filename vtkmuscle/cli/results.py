@@ -14,6 +14,7 @@ import typer
 from typer import Argument, Option
 
 import vtkmuscle
+from vtkmuscle import io
 from vtkmuscle.cli import options as shared
 from vtkmuscle.core.errors import InputError
 
@@ -42,9 +43,7 @@ def export(
     has bones, muscles and fibres, for Blender.
     """
     if out.suffix.lower().startswith(".usd"):
-        from vtkmuscle.io.writing import Outputs
-
-        with Outputs.for_file(out, [source], overwrite=overwrite):
+        with io.Outputs.for_file(out, [source], overwrite=overwrite):
             finished = source.is_dir()
             result = (
                 vtkmuscle.Result.load(source) if finished else vtkmuscle.Scene.load(source).run(figures=False)
@@ -123,7 +122,6 @@ def check(
     """
     if model.suffix.lower() == ".toml":
         raise InputError(model, "this is no model of muscles", "a run checks a scene: vtkmuscle run")
-    from vtkmuscle.io.writing import Outputs
     from vtkmuscle.opensim import check_model
 
     if (repair is None) != (scene is None) or (repair is not None and not replace):
@@ -131,7 +129,7 @@ def check(
     if repair is not None and model.suffix.lower() == ".xml":
         raise InputError("--repair", "a repair is of a model of OpenSim", "give an .osim file")
     page = out or Path(f"{model.stem}_check.html")
-    pages = Outputs.for_file(page, [model, scene], overwrite=overwrite)
+    pages = io.Outputs.for_file(page, [model, scene], overwrite=overwrite)
     pages.check(page.with_suffix(".csv"))
     if repair is not None and scene is not None:
         theirs = pairs(replace)
@@ -158,11 +156,10 @@ def report(
     overwrite: shared.OverwriteOption = False,
 ) -> None:
     """Write the page of a finished run again: scene, curves, tables, verdicts."""
-    from vtkmuscle.io.writing import Outputs
     from vtkmuscle.run.store import PAGE
 
     page = out or results / PAGE
-    with Outputs.for_file(page, [results, literature], overwrite=overwrite, ours=[results / PAGE]):
+    with io.Outputs.for_file(page, [results, literature], overwrite=overwrite, ours=[results / PAGE]):
         _loaded(results, literature).write_report(page)
     typer.echo(f"wrote {page}")
 
@@ -183,13 +180,12 @@ def figures(
     overwrite: shared.OverwriteOption = False,
 ) -> None:
     """Draw the figures of a finished run again."""
-    from vtkmuscle.io.writing import Outputs
     from vtkmuscle.run.store import ResultFolder
 
     drawn = (ResultFolder(results).report() or {}).get("figures") or {}
     ours = [results / "figures" / name for name in drawn.get("written", ())]
     folder = out or results / "figures"
-    with Outputs(folder, inputs=filter(None, [results, literature]), overwrite=overwrite, ours=ours):
+    with io.Outputs(folder, inputs=filter(None, [results, literature]), overwrite=overwrite, ours=ours):
         files = _loaded(results, literature).write_figures(folder, form=form, dpi=dpi, width=width)
     typer.echo(f"wrote {len(files)} figures to {files[0].parent}")
 
@@ -205,10 +201,8 @@ def compare(
     Settings, sides and subjects match by the names of muscles and coordinates. Without --out results go to
     comparison in the working folder.
     """
-    from vtkmuscle.io.writing import Outputs
-
     folder = out or Path("comparison")
-    with Outputs(folder, inputs=filter(None, [*results, literature]), overwrite=overwrite):
+    with io.Outputs(folder, inputs=filter(None, [*results, literature]), overwrite=overwrite):
         written = vtkmuscle.compare(results, literature=literature).write(folder)
     for path in written:
         typer.echo(f"wrote {path}")

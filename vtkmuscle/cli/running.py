@@ -109,12 +109,14 @@ def _progress_bars(muscles: list[str], *, quiet: bool) -> Iterator[Callable[[str
         yield show
 
 
-@shared.with_options
 def cohort(
     scenes: Annotated[list[Path], Argument(help="The scene.toml of each subject.")],
     out: shared.FolderOption,
-    *,
-    options: shared.CohortOptions,
+    frames: shared.FramesOption = None,
+    workers: shared.WorkersOption = None,
+    fresh: shared.FreshOption = False,
+    overwrite: shared.OverwriteOption = False,
+    quiet: shared.QuietOption = False,
 ) -> None:
     """Run the scenes of many subjects, and write a table of muscles.
 
@@ -126,12 +128,11 @@ def cohort(
             failed = row["verdict"] == "failed"
             words = [row["subject"], row["muscle"], row["verdict"], row["message"]]
             line = shared.one_line(": ".join(word for word in words if word))
-            shared.print_error(line) if failed else shared.say(options.quiet, line)
+            shared.print_error(line) if failed else shared.say(quiet, line)
 
-    names = ("workers", "frames", "fresh", "overwrite")
-    settings = {name: getattr(options, name) for name in names}
+    settings: dict[str, Any] = {"workers": workers, "frames": frames, "fresh": fresh, "overwrite": overwrite}
     table = vtkmuscle.cohort([str(scene) for scene in scenes], out, progress=show, **settings)
-    shared.say(options.quiet, f"wrote {out / 'cohort.csv'}, {len(table['muscle'])} rows")
+    shared.say(quiet, f"wrote {out / 'cohort.csv'}, {len(table['muscle'])} rows")
     if "failed" in table["verdict"]:
         raise typer.Exit(shared.FAILED)
 

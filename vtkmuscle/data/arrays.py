@@ -138,12 +138,7 @@ def surface_from(points: Floats, triangles: Ints) -> vtkPolyData:
 class Polylines:
     """Polylines: line i is points[offsets[i] : offsets[i + 1]].
 
-    Attributes
-    ----------
-    offsets : (k + 1,) int array
-        First point of each line, and n.
-    data : vtkPolyData or None
-        The source, with its arrays.
+    Offsets (k + 1,) are the first point of each line, and n; ``data`` is the source, with its arrays.
     """
 
     points: Floats

@@ -175,11 +175,6 @@ class Aponeurosis:
     points: Floats
     triangles: Ints = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))
 
-    @property
-    def is_ring(self) -> bool:
-        """True for a ring of landmarks, False for a surface."""
-        return len(self.triangles) == 0
-
 
 def aponeurosis_from(data: vtkPolyData, side: str, where: str) -> Aponeurosis:
     """Return a data set's aponeurosis, a surface or a ring."""
@@ -201,7 +196,7 @@ def aponeuroses_data(aponeuroses: Sequence[Aponeurosis]) -> vtkMultiBlockDataSet
     blocks = {}
     for number, sheet in enumerate(aponeuroses):
         side, ring = sheet.side, _polyline(sheet.points, closed=True)
-        block = ring if sheet.is_ring else arrays.surface_from(sheet.points, sheet.triangles)
+        block = arrays.surface_from(sheet.points, sheet.triangles) if len(sheet.triangles) else ring
         blocks[f"{side}_{number}"] = arrays.add_arrays(block, fields={"Side": side})
     return arrays.multiblock_from(blocks)
 

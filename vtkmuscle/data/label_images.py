@@ -132,11 +132,8 @@ MOST = 65535
 
 def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, str]) -> vtkImageData:
     """Return an image of named labels (nk, nj, ni), with the frame of :class:`Label`."""
-    image = vtkImageData()
-    image.SetDimensions(*voxels.shape[::-1])
     spacing = np.linalg.norm(frame[:3, :3], axis=0)
-    image.SetSpacing(*spacing)
-    image.SetOrigin(*frame[:3, 3])
+    image = vtkImageData(dimensions=voxels.shape[::-1], spacing=tuple(spacing), origin=tuple(frame[:3, 3]))
     image.SetDirectionMatrix(*(frame[:3, :3] / spacing).ravel())
     add_arrays(image, points={"Label": voxels.ravel()})
     image.GetPointData().SetActiveScalars("Label")

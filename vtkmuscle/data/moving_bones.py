@@ -57,11 +57,6 @@ class MovingBones(NamedTuple):
     transforms: Floats
     twists: dict[str, Floats]
 
-    @property
-    def names(self) -> list[str]:
-        """Names of the bones, in the order of their blocks."""
-        return list(self.surfaces)
-
 
 def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
     """Return bones with their arrays ``Transform`` and ``Twist_COORDINATE``."""
@@ -131,8 +126,8 @@ class RestBones:
 
     def check_same(self, moving: MovingBones) -> None:
         """Raise ValueError if names or order of rest and moving bones differ."""
-        if list(self.surfaces) != moving.names:
-            own, theirs = (", ".join(map(repr, names)) for names in (self.surfaces, moving.names))
+        if list(self.surfaces) != list(moving.surfaces):
+            own, theirs = (", ".join(map(repr, names)) for names in (self.surfaces, moving.surfaces))
             remedy = "connect the same bones to rest_bones and, through BoneMotion, to bones"
             raise InputError(self.where, f"the blocks are {own}, but the moving bones are {theirs}", remedy)
 

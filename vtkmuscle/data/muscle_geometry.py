@@ -106,7 +106,7 @@ class Surface:
 
     @cached_property
     def geometry(self) -> MuscleGeometry:
-        """Properties of the surface: :func:`muscle_geometry`."""
+        """Properties of the surface. The same content has the same object, also in a copy."""
         return _geometry(self.points, self.triangles)
 
     def closed(self, why: str) -> MuscleGeometry:
@@ -123,16 +123,8 @@ class Surface:
 
 
 def surface_of(data: vtkPolyData, where: str) -> Surface:
-    """Return a surface as a filter's argument; raises as :func:`muscle_geometry`."""
+    """Return a surface as a filter's argument. ValueError as of :func:`checked_surface`."""
     return Surface(data, *checked_surface(data, where), where)
-
-
-def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:
-    """Return a surface's properties. The same content has the same object, whatever its modification time.
-
-    ValueError at `where` without triangles, with other faces, or for a point that is not finite.
-    """
-    return _geometry(*checked_surface(surface, where))
 
 
 _geometry = shared(MuscleGeometry, last=REMEMBERED)
@@ -237,7 +229,7 @@ def _aponeurosis(
         if sheet.side == side:
             _check_distance(sheet.points, geometry, label)
             ring = AttachmentArea("origin", "", sheet.points, closed=True)
-            shapes.append(ring if sheet.is_ring else (sheet.points, sheet.triangles))
+            shapes.append((sheet.points, sheet.triangles) if len(sheet.triangles) else ring)
     if not shapes:
         raise InputError(where, f"there is no {side} aponeurosis", "give both, proximal and distal")
     surface = _together(shapes, geometry, label, takes=(1.0, 1.0))

@@ -88,16 +88,8 @@ PROVENANCE = "Provenance"
 def provenance_of(data: Any) -> list[dict[str, Any]]:
     """Return the filters behind a data set, first to last.
 
-    Parameters
-    ----------
-    data : vtkDataObject
-        Output of a filter, or data read from its file.
-
-    Returns
-    -------
-    list of dict
-        With ``filter``, ``parameters`` (class names for objects) and ``vtkmuscle``, the version; empty
-        without provenance.
+    ``data`` is the output of a filter, or read from its file. Each dict has ``filter``, ``parameters`` (class
+    names for objects) and ``vtkmuscle``, the version; there is none without provenance.
 
     Examples
     --------

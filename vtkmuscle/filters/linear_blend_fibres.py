@@ -81,10 +81,10 @@ class LinearBlendFibres(Filter):
     def execute(self, rest_fibres: Polylines, bones: MovingBones) -> vtkPolyData:
         """Return the fibres now."""
         points, offsets = rest_fibres.points, rest_fibres.offsets
-        if not bones.names:
+        if not bones.surfaces:
             raise InputError("bones", "the data set has no bones", "give at least one named bone")
         ends = ("origin", self.origin, 0), ("insertion", self.insertion, -1)
-        first, last = (bones.transforms[self._index(bones.names, *end)] for end in ends)
+        first, last = (bones.transforms[self._index(list(bones.surfaces), *end)] for end in ends)
         result = rest_fibres.moved(blend_fibres(points, offsets, first, last, self.a))
         cells = {"RestLength": polyline_lengths(points, offsets)}
         return add_arrays(result, cells=cells, fields={"BlendA": self.a})

@@ -124,7 +124,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
     ) -> vtkPolyData:  # fmt: skip
         """Return the muscle at the requested time."""
         driven = self.prediction == "velocity" and any(self.external_force)
-        rest = fixed_muscle(muscle, bones.names, fibres, driven=driven)
+        rest = fixed_muscle(muscle, list(bones.surfaces), fibres, driven=driven)
         rest_bones.check_same(bones)
         measured, collides = (self.measure_shape, self.measure_penetration), self.collision != "off"
         shapes = rest_bones.shapes if collides or self.measure_penetration else {}

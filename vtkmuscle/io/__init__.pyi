@@ -28,4 +28,4 @@ from .surfaces import (
     read_polydata as read_polydata,
     read_surface as read_surface,
 )
-from .writing import write_polydata as write_polydata, write_text as write_text
+from .writing import Outputs as Outputs, write_polydata as write_polydata, write_text as write_text

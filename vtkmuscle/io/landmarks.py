@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import re
 import warnings
@@ -23,7 +22,6 @@ from vtkmuscle.io.surfaces import FORMATS, SURFACE_SUFFIXES, read_polydata
 
 #: Frames of the body with z up: x left and y back, or x right and y front.
 FRAMES = ("LPS", "RAS")
-_FCSV_COLUMNS = ["id", "x", "y", "z", "ow", "ox", "oy", "oz", "vis", "sel", "lock", "label"]
 _AS_SLICER = "save it again with 3D Slicer"
 _DECIMAL = "separate numbers by commas, and write decimals with a point"
 
@@ -212,32 +210,20 @@ def _from_markups(content: dict[str, Any], path: Path) -> NamedPoints:
 
 def _from_fcsv(path: Path) -> NamedPoints:
     """Return the points of an older list of 3D Slicer."""
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except UnicodeDecodeError as error:
-        raise InputError(path, "the file is not text in UTF-8", _AS_SLICER) from error
-    frame, columns = None, _FCSV_COLUMNS
+    rows, text = list(csv_rows(path)), path.read_text(encoding="utf-8-sig")
+    header = dict(re.findall(r"^#\s*(CoordinateSystem|columns)\s*=\s*(.*?)\s*$", text, re.MULTILINE))
+    columns = re.split(r"\s*,\s*", header.get("columns", "id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label"))
     names, points = [], []
-    for number, line in enumerate(lines, start=1):
-        where = f"line {number}"
-        header = re.match(r"#\s*(CoordinateSystem|columns)\s*=\s*(.*)", line)
-        if header is not None and header[1] == "CoordinateSystem":
-            frame = _frame(header[2].strip(), path)
-        elif header is not None:
-            columns = [name.strip() for name in header[2].split(",")]
-        elif line.strip() and not line.startswith("#"):
-            try:
-                row = dict(zip(columns, next(csv.reader([line])), strict=False))
-            except csv.Error as error:
-                raise InputError(path, f"{where}: {error}", _AS_SLICER) from error
-            points.append(_position([number_in(row.get(name, "")) for name in "xyz"], where, path))
-            names.append(row.get("label", "") or row.get("id", ""))
+    for number, cells in rows:
+        row = dict(zip(columns, cells, strict=False))
+        points.append(_position([number_in(row.get(name, "")) for name in "xyz"], f"line {number}", path))
+        names.append(row.get("label", "") or row.get("id", ""))
     if not points:
         raise InputError(path, "the file holds no landmarks", _AS_SLICER)
-    if frame is None:
+    if "CoordinateSystem" not in header:
         problem = "the file does not state its frame, LPS or RAS"
         raise InputError(path, problem, "add a line # CoordinateSystem = LPS, or RAS")
-    return NamedPoints(tuple(names), np.array(points), frame=frame)
+    return NamedPoints(tuple(names), np.array(points), frame=_frame(header["CoordinateSystem"], path))
 
 
 def _from_nrrd(path: Path) -> NamedPoints:

@@ -140,10 +140,7 @@ def motion_columns(path: str | PathLike[str]) -> list[str]:
 def write_motion_table(path: str | PathLike[str], motion: RigidMotion, bone: str | None = None) -> None:
     """Write the motion of a bone, or of all, for :func:`read_motion_table`, with all digits.
 
-    Raises
-    ------
-    ValueError
-        If a coordinate has the name of another column.
+    ValueError if a coordinate has the name of another column.
     """
     columns = {name: coordinate.values for name, coordinate in motion.coordinates.items()}
     if "time" in columns and np.array_equal(columns["time"], motion.times):

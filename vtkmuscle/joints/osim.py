@@ -220,12 +220,6 @@ def tree_in(model: Element, frames: Frames, not_used: list[str]) -> tuple[Kinema
     return tree, {coordinate.name: joint.name for joint, own in joints for coordinate in own}
 
 
-#: Lines of a header, at most.
-_LONGEST_HEADER = 1000
-#: Header keys that are read; OpenSim and SIMM use different keys for rows.
-_KEYS = ("nrows", "datarows", "indegrees", "version", "datatype")
-
-
 @dataclass(frozen=True, eq=False)
 class MotionFile:
     """The table of a .mot or .sto file.
@@ -319,13 +313,12 @@ def read_motion_file(path: str | PathLike[str]) -> MotionFile:
 def _header(lines: list[str], path: Path) -> tuple[dict[str, str], int]:
     """Return header values by key, and the number of lines."""
     header: dict[str, str] = {}
-    for number, line in enumerate(lines[:_LONGEST_HEADER]):
+    for number, line in enumerate(lines):
         plain = line.strip()
         if plain.lower() == "endheader":
             return header, number + 1
         key, _, value = plain.partition("=" if "=" in plain else " ")
-        if key.strip().lower() in _KEYS:
-            header[key.strip().lower()] = value.strip()
+        header[key.strip().lower()] = value.strip()
     raise InputError(path, "there is no line 'endheader'", "export it again as a .mot or .sto file")
 
 

@@ -113,12 +113,7 @@ class KinematicTree:
     """Bodies on joints, and poses for coordinates.
 
     All bodies hang on the root; each body except the root is the child of a single joint. The order of
-    joints is free.
-
-    Raises
-    ------
-    ValueError
-        If the joints are no tree, or joints or couplings name an unknown coordinate.
+    joints is free. ValueError if the joints are no tree, or joints or couplings name an unknown coordinate.
 
     Examples
     --------

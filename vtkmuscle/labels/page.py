@@ -50,6 +50,9 @@ def init(
 ) -> Draft:
     """Write a scene.toml from meshes and landmarks, guessing missing input.
 
+    The draft's ``file`` is the scene.toml; ``guesses`` have a confidence each, ``left_out`` the reasons by
+    muscle.
+
     Parameters
     ----------
     files : iterable of path
@@ -65,11 +68,6 @@ def init(
         most a hundredth; the repaired surfaces are written beside the scene.
     overwrite : bool, optional
         Whether files from elsewhere are replaced; inputs never are.
-
-    Returns
-    -------
-    Draft
-        ``file`` is the scene.toml; ``guesses`` have a confidence each, ``left_out`` the reasons by muscle.
 
     Raises
     ------
@@ -103,6 +101,8 @@ def from_labels(
 ) -> Draft:
     """Write a scene.toml from a segmentation: surfaces, attachment areas, fitted joints.
 
+    The draft is as of :func:`init`; its ``lacks`` is the reason of a scene that cannot run yet.
+
     Parameters
     ----------
     label_map : path
@@ -117,11 +117,6 @@ def from_labels(
         Whether files from elsewhere are replaced; inputs never are.
     **options
         ``frame``, ``edge`` and ``announce`` of :func:`~vtkmuscle.labels.draft_of_labels`.
-
-    Returns
-    -------
-    Draft
-        As of :func:`init`. ``lacks`` is the reason of a scene that cannot run yet.
 
     Raises
     ------

@@ -14,6 +14,7 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.data import toml_table
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.io.xml_elements import xml_text
 from vtkmuscle.joints.osim import FURTHER, NOT_USED, OFFSET
@@ -25,24 +26,12 @@ from vtkmuscle.opensim.osim_text import model_tree
 from vtkmuscle.report.page import Section, shown_rows, svg_curve, write_sections
 from vtkmuscle.run.table import Table
 
-#: Poses per sweep, and sweeps per coordinate: the first with the other coordinates at their defaults, further
-#: sweeps with random values in their ranges, within AWAY of the default [rad, m].
-POSES, SWEEPS = 91, 8
-AWAY = {True: float(np.radians(30.0)), False: 0.02}
-#: Smallest reported jump of a length, jump of a moment arm, and moment arm on both sides of zero [m].
-JUMP, ARM_JUMP, ARM = 0.5e-3, 5e-3, 2e-3
-#: Distance of the two moment arms from a jump [rad or m].
-ARM_DISTANCE = 1e-3
+_LIMITS = toml_table("vtkmuscle.opensim", "checks.toml")
+POSES, SWEEPS = _LIMITS["poses"], _LIMITS["sweeps"]
+#: Kinds of findings, the worst first, and the smallest reported size [m].
+KINDS: dict[str, float] = _LIMITS["kinds"]
 #: Columns of the table of findings.
 COLUMNS = ("muscle", "coordinate", "what", "size_mm", "at", "unit", "sweeps", "pose")
-#: Kinds of findings, the worst first.
-KINDS = (
-    *("length jumps", "moment arm jumps", "moment arm changes sign"),
-    *("fibre above 1.6 of optimal", "fibre below 0.5 of optimal"),
-)
-#: Fibre lengths [optimal lengths]: active force ends at the lower (Zajac 1989, Crit Rev Biomed Eng 17:359);
-#: passive force reaches the maximum isometric force at the upper (Thelen 2003, doi:10.1115/1.1531112).
-FIBRES = (0.5, 1.6)
 #: Parts that would have been swept, but have no path.
 _FORCES = ("ForceSet", "actuator", "tendon")
 FIBRES_OUTSIDE = "fibres leave 0.5 to 1.6 of optimal"
@@ -193,7 +182,7 @@ check = check_model
 
 
 def _worst_first(finding: PathFault) -> tuple[int, float]:
-    return KINDS.index(finding.what), -finding.size
+    return [*KINDS].index(finding.what), -finding.size
 
 
 def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Iterator[PathFault]:
@@ -220,8 +209,8 @@ def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Ite
             middles, arms = (sweep[1:] + sweep[:-1]) / 2.0, -np.diff(table) / (sweep[1] - sweep[0])
             unit, axis = ("deg", np.degrees(middles)) if swept.name in angles else ("m", middles)
             fibres = _fibre_faults(model.paths[muscle].parameters, sweep, table)
-            for what, least, sizes, sweeps, at in chain(_faults(length, sweep, table), fibres):
-                if not (real := sizes > least).any():
+            for what, sizes, sweeps, at in chain(_faults(length, sweep, table), fibres):
+                if not (real := sizes > KINDS[what]).any():
                     continue
                 i = int(np.where(real, sizes, 0.0).argmax())
                 pose = {name: fixed[name][sweeps[i]] for name in crossed[muscle]} | {swept.name: at[i]}
@@ -232,20 +221,22 @@ def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Ite
 
 def _fixed_values(coordinate: JointCoordinate, random: np.random.Generator) -> Floats:
     """Return a fixed coordinate's values (s,): the default, then random ones."""
-    away, rest = AWAY[coordinate.is_angle], coordinate.rest
+    away, rest = _LIMITS["away"], coordinate.rest
+    away = np.radians(away["angle"]) if coordinate.is_angle else away["translation"]
     low, high = np.clip(coordinate.range or (rest, rest), rest - away, rest + away)
     return np.append(rest, random.uniform(low, high, SWEEPS - 1))
 
 
 def _faults(
     length: Callable[[Ints, Floats], Floats], values: Floats, lengths: Floats
-) -> Iterator[tuple[str, float, Floats, Ints, Floats]]:
-    """Yield candidates (k,) by kind: kind, least size, sizes, sweeps, and values of the coordinate.
+) -> Iterator[tuple[str, Floats, Ints, Floats]]:
+    """Yield candidates (k,) by kind: kind, sizes, sweeps, and values of the coordinate.
 
     ``length`` returns lengths (k,) in sweeps (k,) at values (k,); ``lengths`` (s, n) are those at the swept
     values (n,).
     """
-    step = values[1] - values[0]
+    (jump, least_jump), (arm_jump, least_arm_jump), (sign, least_arm) = list(KINDS.items())[:3]
+    step, away = values[1] - values[0], _LIMITS["arm_distance"]
     steps = np.diff(lengths, axis=1)
     arms, middles = -steps / step, (values[1:] + values[:-1]) / 2.0
 
@@ -257,31 +248,31 @@ def _faults(
     bends = np.abs(np.diff(steps, axis=1))
     nearby = np.pad(bends, ((0, 0), (1, 1)))
     jumped = np.zeros(steps.shape, dtype=np.bool_)
-    sweeps, columns = np.nonzero(np.maximum(nearby[:, 1:], nearby[:, :-1]) > JUMP / 2.0)
+    sweeps, columns = np.nonzero(np.maximum(nearby[:, 1:], nearby[:, :-1]) > least_jump / 2.0)
     if len(sweeps):
         ends = values[columns], values[columns + 1]
         sizes, at = _halved(length, sweeps, ends, _neighbour_mean(steps)[sweeps, columns] / step)
-        jumped[sweeps, columns] = sizes > JUMP
-        yield KINDS[0], JUMP, sizes, sweeps, at
-    sweeps, columns = np.nonzero((bends / step > ARM_JUMP) & ~(jumped[:, 1:] | jumped[:, :-1]))
+        jumped[sweeps, columns] = sizes > least_jump
+        yield jump, sizes, sweeps, at
+    sweeps, columns = np.nonzero((bends / step > least_arm_jump) & ~(jumped[:, 1:] | jumped[:, :-1]))
     if len(sweeps):
         slopes = _neighbour_mean(np.diff(arms, axis=1))[sweeps, columns] / step
         _, at = _halved(arm, sweeps, (middles[columns], middles[columns + 1]), slopes)
-        change = np.abs(arm(sweeps, at + ARM_DISTANCE) - arm(sweeps, at - ARM_DISTANCE))
+        change = np.abs(arm(sweeps, at + away) - arm(sweeps, at - away))
         # A jump of the slope appears at most twice in neighbouring steps; an excess is noise.
-        yield KINDS[1], ARM_JUMP, np.minimum(change, 2.0 * bends[sweeps, columns] / step), sweeps, at
+        yield arm_jump, np.minimum(change, 2.0 * bends[sweeps, columns] / step), sweeps, at
     calm = np.where(jumped, 0.0, arms)
     sizes = np.minimum(calm.max(axis=1), -calm.min(axis=1))
-    sweeps = np.flatnonzero(sizes > ARM)
+    sweeps = np.flatnonzero(sizes > least_arm)
     if len(sweeps):
         moving = [(row != 0.0, np.sign(row)) for row in calm[sweeps]]
         at = np.array([middles[some][np.flatnonzero(np.diff(signs[some]))[0]] for some, signs in moving])
-        yield KINDS[2], ARM, sizes[sweeps], sweeps, at
+        yield sign, sizes[sweeps], sweeps, at
 
 
 def _fibre_faults(
     parameters: Mapping[str, float], values: Floats, lengths: Floats
-) -> Iterator[tuple[str, float, Floats, Ints, Floats]]:
+) -> Iterator[tuple[str, Floats, Ints, Floats]]:
     """Yield candidates as of :func:`_faults` for fibres with a rigid tendon and a constant thickness.
 
     A path that is shorter than the slack tendon gives a negative length.
@@ -292,11 +283,10 @@ def _fibre_faults(
     along = lengths - slack
     thickness = optimal * np.sin(parameters.get("pennation_angle_at_optimal", 0.0))
     fibres = np.copysign(np.hypot(along, thickness), along)
-    low, high = (part * optimal for part in FIBRES)
-    for what, sizes in ((KINDS[3], fibres - high), (KINDS[4], low - fibres)):
-        columns = sizes.argmax(axis=1)
-        rows = np.arange(len(sizes))
-        yield what, 0.0, sizes[rows, columns], rows, values[columns]
+    low, high = (part * optimal for part in _LIMITS["fibres"])
+    for what, sizes in zip([*KINDS][3:], (fibres - high, low - fibres), strict=True):
+        columns, rows = sizes.argmax(axis=1), np.arange(len(sizes))
+        yield what, sizes[rows, columns], rows, values[columns]
 
 
 def _neighbour_mean(steps: Floats) -> Floats:

@@ -87,7 +87,7 @@ def export(
     overwrite: bool = False,
     **options: Any,
 ) -> list[ExportedMuscle]:
-    """Write the muscles of a scene with joints to OpenSim or MuJoCo.
+    """Write the muscles of a scene with joints to OpenSim or MuJoCo, and return them with errors.
 
     Next to the model are ``NAME_errors.csv`` and, for a new model, meshes of bones and muscles in
     ``Geometry``. In MuJoCo muscles are tendons with actuators.
@@ -109,11 +109,6 @@ def export(
         Whether files from elsewhere are replaced; inputs never are.
     **options
         Attributes of :class:`~vtkmuscle.opensim.Export`.
-
-    Returns
-    -------
-    list of ExportedMuscle
-        The muscles as written, and their errors.
 
     Raises
     ------
@@ -235,8 +230,7 @@ def _exported(
     result, tree, values, lengths = run.result, run.tree, run.values, run.result.lengths[name]
     if len(lengths) < len(result.frames):
         raise InputError("", f"muscle {name!r} has {len(lengths)} of {len(result.frames)} frames")
-    spans = {each: (column.min(), column.max()) for each, column in values.items()}
-    rest = {each: np.clip([tree.coordinate(each).rest], *span) for each, span in spans.items()}
+    rest = {q: np.clip([tree.coordinate(q).rest], column.min(), column.max()) for q, column in values.items()}
     lines = _lines(run, name) if points else None
     number_of, arms = group_fibres(lengths, options.groups), result.moment_arms()[name]
     units = {each: 1000.0 if tree.coordinate(each).is_angle else 1.0 for each in run.crossed[name]}
@@ -246,9 +240,8 @@ def _exported(
         mean = lengths[:, members].mean(axis=1) / 1000.0
         mean_arms = {at: arms[at].arms[:, members].mean(axis=1) / unit for at, unit in units.items()}
         if lines is None:
-            path: FunctionPath | PointPath = fit_length(
-                mean, {each: values[each] for each in mean_arms}, mean_arms
-            )
+            columns = {each: values[each] for each in mean_arms}
+            path: FunctionPath | PointPath = fit_length(mean, columns, mean_arms)
         else:
             line, fitted = lines[:, members].mean(axis=1), (run.ends[name], mean, mean_arms)
             path = fit_points(line, tree, values, *fitted, tolerance=TOLERANCE)

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from vtkmuscle.joints.osim import MotionFile, read_motion_file
 from vtkmuscle.joints.tree import KinematicTree
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, powers
 
-__all__ = ["BodyMesh", "MotionFile", "OsimModel", "checked_model", "read_motion_file", "read_osim"]
+__all__ = ["MotionFile", "OsimModel", "checked_model", "read_motion_file", "read_osim"]
 _FORCES = OSIM["forces"]
 
 
@@ -33,28 +32,21 @@ class OsimMuscle:
     kind: str = "Millard2012EquilibriumMuscle"
 
 
-class BodyMesh(NamedTuple):
-    """A mesh file on a body."""
-
-    body: str
-    file: str
-
-
 @dataclass(frozen=True, eq=False)
 class OsimModel:
     """A model of OpenSim, in metres and radians.
 
     ``tree`` has bodies and joints, its root is the ground; ``muscles`` are all actuators along a path, by
-    name, ``ligaments`` passive forces along a path; ``joint_of`` is the joint of each coordinate;
-    ``not_used`` are parts of the file without effect here: forces without a path, controllers, contact
-    geometry, probes, further components.
+    name, ``ligaments`` passive forces along a path; ``meshes`` are bodies with a file each; ``joint_of`` is
+    the joint of each coordinate; ``not_used`` are parts of the file without effect here: forces without a
+    path, controllers, contact geometry, probes, further components.
     """
 
     name: str
     tree: KinematicTree
     markers: tuple[str, ...]
     muscles: dict[str, OsimMuscle]
-    meshes: tuple[BodyMesh, ...]
+    meshes: tuple[tuple[str, str], ...]
     joint_of: dict[str, str] = field(default_factory=dict)
     not_used: tuple[str, ...] = ()
     ligaments: dict[str, OsimMuscle] = field(default_factory=dict)
@@ -72,7 +64,7 @@ class OsimModel:
 
 
 def read_osim(path: str | PathLike[str]) -> OsimModel:
-    """Read a model of OpenSim 3 or 4, without OpenSim.
+    """Read a model of OpenSim 3 or 4, without OpenSim. All lengths are in metres.
 
     Parameters
     ----------
@@ -81,11 +73,6 @@ def read_osim(path: str | PathLike[str]) -> OsimModel:
         Custom; constant, linear, polynomial, piecewise linear, sine and SimmSpline functions and
         multiples of a function; CoordinateCouplerConstraints of 1 coordinate; fixed, conditional and
         moving path points; paths as polynomials of coordinates.
-
-    Returns
-    -------
-    OsimModel
-        All lengths in metres.
 
     Raises
     ------
@@ -124,15 +111,15 @@ def checked_model(path: Path) -> OsimModel:
     return read_osim(path)
 
 
-def _meshes(name: str, body: Element, not_used: list[str]) -> Iterator[BodyMesh]:
+def _meshes(name: str, body: Element, not_used: list[str]) -> Iterator[tuple[str, str]]:
     for mesh in body.within("attached_geometry"):
         if mesh.tag == "Mesh":
-            yield BodyMesh(name, mesh.word("mesh_file"))
+            yield name, mesh.word("mesh_file")
         else:
             not_used.append(f"geometry of {name!r}: {mesh}")
     visible = body.find("VisibleObject")
     for mesh in visible.within("GeometrySet") if visible is not None else ():
-        yield BodyMesh(name, mesh.word("geometry_file"))
+        yield name, mesh.word("geometry_file")
 
 
 def _paths(

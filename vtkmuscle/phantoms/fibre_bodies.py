@@ -35,23 +35,9 @@ def fibre_block(kind: str) -> Phantom:
 
     The block measures 20 x 40 x 120 mm. ``"parallel"``: fibres run from the whole bottom to the whole top.
     ``"pennate"``: fibres run from the lower half of the face x = 0 to the upper half of the face x = 20 mm.
-    The plate ``insertion_plate`` slides down along z, by the pipeline's time in mm.
-
-    Parameters
-    ----------
-    kind : str
-        ``"parallel"`` or ``"pennate"``.
-
-    Returns
-    -------
-    Phantom
-        Known answers: ``known["volume"]``, 96 000 mm^3; ``known["fibre_length"]`` [mm] and
-        ``known["pennation"]`` [degrees], against the areas at the fibres' ends.
-
-    Raises
-    ------
-    ValueError
-        If there is no such kind.
+    The plate ``insertion_plate`` slides down along z, by the pipeline's time in mm. Known answers are
+    ``known["volume"]``, 96 000 mm^3; ``known["fibre_length"]`` [mm] and ``known["pennation"]`` [degrees],
+    against the areas at the fibres' ends. ValueError if there is no such kind.
 
     Examples
     --------

@@ -122,6 +122,10 @@ def hip(*, angles: ArrayLike = ANGLES, head_radius: float = HEAD_RADIUS, detail:
     gluteal tuberosity, with an open landmark curve as insertion; ``iliacus`` bends over the pelvic brim in
     front of the joint to the lesser trochanter.
 
+    Known answers: at rest muscles touch the bones at their attachments, but lie no more than 0.5 mm deep in
+    bones or in other muscles anywhere; the femoral head is a ball of radius ``known["head_radius"]`` [mm]
+    about the origin, and stays at the origin.
+
     Parameters
     ----------
     angles : (k,) array_like, optional
@@ -129,15 +133,8 @@ def hip(*, angles: ArrayLike = ANGLES, head_radius: float = HEAD_RADIUS, detail:
     head_radius : float, optional
         Of the femoral head [mm]; the socket goes with the head.
     detail : float, optional
-        Number of triangles, as a part of the default.
-
-    Returns
-    -------
-    Phantom
-        About 14 000 triangles in the pelvis, 7000 in the femur, 3000 in each muscle. Known answers: at rest
-        muscles touch the bones at their attachments, but lie no more than 0.5 mm deep in bones or in other
-        muscles anywhere; the femoral head is a ball of radius ``known["head_radius"]`` [mm] about the origin,
-        and stays at the origin.
+        Number of triangles, as a part of the default: about 14 000 in the pelvis, 7000 in the femur, 3000 in
+        each muscle.
 
     Examples
     --------

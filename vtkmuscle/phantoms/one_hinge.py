@@ -32,13 +32,10 @@ def spindle_over_hinge() -> Phantom:
     the muscle. The muscle lies 32 mm in front of the hinge, from bone to bone, with flat ends on flat faces
     of both bones.
 
-    Returns
-    -------
-    Phantom
-        Known answers: ``known["volume"]`` [mm^3] of the muscle's mesh, equal to the volume of the stack of
-        polygons to rounding; ``known["length"](angle)`` [mm], the straight line between the centres of the
-        attachments at a hinge angle [degrees], 140 mm at 0; ``known["moment_arm"](angle)`` [mm], the length's
-        derivative -dl/dq by the angle in radians, 32 mm at 0.
+    Known answers: ``known["volume"]`` [mm^3] of the muscle's mesh, equal to the volume of the stack of
+    polygons to rounding; ``known["length"](angle)`` [mm], the straight line between the centres of the
+    attachments at a hinge angle [degrees], 140 mm at 0; ``known["moment_arm"](angle)`` [mm], the length's
+    derivative -dl/dq by the angle in radians, 32 mm at 0.
 
     Examples
     --------
@@ -115,19 +112,16 @@ def wrapping_cylinder(*, angles: ArrayLike | None = None) -> Phantom:
     turns about the axis. The strap leaves the block ``base`` at y = -80 mm, runs straight to the top of the
     cylinder, lies on the cylinder over 110 degrees, and is attached over the last 30.
 
+    Known answers: ``known["moment_arm"]`` [mm], 30 in size, at every allowed angle, is the radius of the
+    cylinder and half the thickness of the strap, negative as the strap lengthens with the angle;
+    ``known["length"](angle)`` [mm], the middle line from the block to the start of the attachment at an angle
+    [degrees].
+
     Parameters
     ----------
     angles : (k,) array_like, optional
         Of the motion, ascending, from rest [degrees]: above 0 the strap is wound up, below 0 unwound.
         Default 0 to 40 by 2. Within -80 to 180: at -80 the free part of the strap leaves the cylinder.
-
-    Returns
-    -------
-    Phantom
-        Known answers: ``known["moment_arm"]`` [mm], 30 in size, at every allowed angle, is the
-        radius of the cylinder and half the thickness of the strap, negative as the strap lengthens with the
-        angle; ``known["length"](angle)`` [mm], the middle line from the block to the start of the
-        attachment at an angle [degrees].
 
     Raises
     ------

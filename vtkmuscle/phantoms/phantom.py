@@ -28,10 +28,8 @@ class Phantom:
     ----------
     name : str
         Name of the phantom.
-    bones : vtkMultiBlockDataSet
-        Named closed surfaces, in the rest pose.
-    muscles : dict of str to vtkPolyData
-        Closed surfaces, in the rest pose.
+    bones, muscles : vtkMultiBlockDataSet, dict of str to vtkPolyData
+        Closed surfaces by name, in the rest pose.
     attachments : dict of str to vtkMultiBlockDataSet
         Per muscle its areas, as filters take them.
     motion : RigidMotion

@@ -97,12 +97,9 @@ class FigureOrder:
 
 def html_picture(plotter: Callable[[], Any]) -> str:
     """Return the picture of a plotter in HTML, empty where none can be rendered."""
-    from PIL import Image  # noqa: PLC0415 -- only pictures need it
-
     if can_render() is not None:
         return ""
-    shown = plotter()
-    file = BytesIO()
-    Image.fromarray(shown.screenshot(return_img=True)).save(file, "PNG")
+    shown, file = plotter(), BytesIO()
+    shown.screenshot(file)
     shown.close()
     return f'<img width="480" src="data:image/png;base64,{b64encode(file.getvalue()).decode()}"/>'

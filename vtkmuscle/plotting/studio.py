@@ -176,15 +176,7 @@ _LIT = package_text("vtkmuscle.plotting", "lights.glsl")
 class Studio:
     """An off-screen window for pictures, a context manager in a single thread.
 
-    Parameters
-    ----------
-    detail : float, optional
-        Pixels of a picture per pixel of its view, along each side.
-
-    Attributes
-    ----------
-    finer : float
-        Rendered pixels per pixel of a view, along each side.
+    A picture has ``detail`` pixels per pixel of its view, along each side; ``finer`` pixels are rendered.
     """
 
     def __init__(self, detail: float = 1.0) -> None:

@@ -134,18 +134,8 @@ class MuscleFrame(NamedTuple):
 class View:
     """The view of a picture, in parallel projection with z up.
 
-    Attributes
-    ----------
-    direction : (3,) float array
-        Unit vector to the eye.
-    focus : (3,) float array
-        Centre of the picture [mm].
-    half_height : float
-        Half the height of the picture [mm].
-    aspect : float
-        Width over height of the picture.
-    area : float
-        Size of the picture [pixels].
+    ``direction`` (3,) is the unit vector to the eye, ``focus`` (3,) the centre of the picture [mm],
+    ``half_height`` half its height [mm], ``aspect`` its width over height, and ``area`` its size [pixels].
     """
 
     direction: Floats

@@ -6,7 +6,6 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import contains
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -126,14 +125,8 @@ def svg_curve(x: Floats, y: Floats, x_unit: str, y_unit: str) -> dict[str, Any]:
 MANY = 6
 
 
-def write_page(path: str | PathLike[str], run: Result) -> Path:
-    """Write the page of a run as an .html file. The file needs no external resources."""
-    write_text(Path(path), page_of(run))
-    return Path(path)
-
-
 def page_of(run: Result) -> str:
-    """Return the page of a run as text, see :func:`write_page`."""
+    """Return the page of a run as text. The page needs no external resources."""
     report, pack = run.report, Pack()
     scene = scene_of(run, pack)
     curves = curves_of(run, pack)

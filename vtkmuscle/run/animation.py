@@ -14,17 +14,8 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import (
-    Polylines,
-    add_arrays,
-    blocks_of,
-    joined_triangles,
-    point_array,
-    points_of,
-    polylines_from,
-    polylines_of,
-    triangles_of,
-)
+from vtkmuscle.data import arrays
+from vtkmuscle.data.arrays import Polylines, point_array, points_of, polylines_of, triangles_of
 from vtkmuscle.filters.fibre_tubes import FibreTubes
 from vtkmuscle.io.writing import replacing
 from vtkmuscle.plotting.studio import strain_colours, strains_of
@@ -59,7 +50,7 @@ def write_usd(result: ResultData, path: Path, *, tubes: bool) -> None:
 
 def _draw(result: ResultData, path: Path, tubes: bool) -> None:
     stage = _Stage(path, result.name, MILLIMETRES[result.units] / 1000.0, len(result.frames))
-    for name, bone in blocks_of(result.rest_bones()):
+    for name, bone in arrays.blocks_of(result.rest_bones()):
         mesh = stage.mesh("bones", name, [(points_of(bone), triangles_of(bone, name))])
         stage.paint(mesh, IVORY)
         stage.move(mesh, [result.motion.at(time).get(name, np.eye(4)) for time in result.times])
@@ -136,8 +127,8 @@ class _Stage:
         make, drawn = FibreTubes(radius=width / 2.0, sides=6), []
         for lines, colour in zip(frames, colours, strict=True):
             own = {_COLOURS: np.repeat(colour, np.diff(lines.offsets), axis=0)}
-            plain = polylines_from(Polylines(lines.points, lines.offsets))
-            drawn.append(joined_triangles(make(add_arrays(plain, points=own)))[0])
+            plain = arrays.polylines_from(Polylines(lines.points, lines.offsets))
+            drawn.append(arrays.joined_triangles(make(arrays.add_arrays(plain, points=own)))[0])
         mesh = self.mesh("fibres", name, ((points_of(tube), triangles_of(tube, name)) for tube in drawn))
         self._paint_each(mesh, self._tokens.vertex, [point_array(tube, _COLOURS, name) for tube in drawn])
 

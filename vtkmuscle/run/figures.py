@@ -8,19 +8,17 @@ import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import names
 from vtkmuscle.data.arrays import blocks_of, points_of, with_points
 from vtkmuscle.io.literature import label_of
-from vtkmuscle.io.writing import replacing
 from vtkmuscle.plotting.drawing import FigureOrder, can_render
 from vtkmuscle.plotting.views import DrawnBones, MuscleFrame, fibre_surface
 from vtkmuscle.scene.data import SceneData
@@ -28,7 +26,6 @@ from vtkmuscle.scene.data import SceneData
 if TYPE_CHECKING:
     from vtkmuscle.run.pool import Pool
     from vtkmuscle.run.result import Result
-    from vtkmuscle.run.result_data import ResultData
 
 #: Formats of figures.
 FORMS = ("png", "pdf", "svg")
@@ -61,7 +58,7 @@ class Drawing:
             reason = "the drawing process ended early"
         if self._pool is None and self._orders:
             before = time.perf_counter()
-            written = [path.name for path in _drawn(self._orders, self._folder, self._bones)]
+            written = [path.name for path in drawn(self._orders, self._folder, self._bones)]
             seconds = time.perf_counter() - before
         entry: dict[str, Any] = {"written": sorted(written)}
         if reason is None:
@@ -71,27 +68,7 @@ class Drawing:
         return entry | {"reason": reason}, seconds
 
 
-def write_figures(
-    folder: str | Path, result: Result, *, form: str = "png", dpi: float = 300.0, width: float = 180.0
-) -> list[Path]:
-    """Write all figures; see :meth:`vtkmuscle.Result.write_figures`."""
-    if form not in FORMS:
-        raise InputError(form, "unknown format of figures", "allowed: png, pdf, svg")
-    if not 20.0 <= dpi <= 2400.0:
-        raise InputError("", f"dpi is {dpi:g}, but must be 20 to 2400", "e.g. 300")
-    if not 60.0 <= width <= 400.0:
-        problem = f"width is {width:g} mm, but must be 60 to 400"
-        raise InputError("", problem, "journals have columns of 85 and 180")
-    reason = can_render()
-    if reason is not None:
-        raise RuntimeError(f"no figures can be made: {reason}")
-    every = [rest_pose_of(result)]
-    for name in result.muscle_names:
-        every += figures_of_muscle(result, name)
-    return _drawn(every, Path(folder), result.drawn_bones, form, dpi=dpi, width=width)
-
-
-def _drawn(
+def drawn(
     orders: list[FigureOrder], folder: Path, bones: DrawnBones, form: str = "png", **options: float
 ) -> list[Path]:
     """Draw figures in turn, and return the files."""
@@ -187,30 +164,6 @@ def _time_axis(result: Result, name: str, count: int) -> dict[str, Any]:
     return {"time_label": "\n".join(shown), "ticks": ticks}
 
 
-def film_of(
-    result: ResultData, path: Path, *, fps: float, muscles: str | Sequence[str] | None, size: tuple[int, int]
-) -> Path:
-    """Write a film of all kept frames, all or nothing; see :meth:`vtkmuscle.Result.movie`."""
-    from PIL import Image  # noqa: PLC0415 -- matplotlib has it; only films need it
-
-    if path.suffix.lower() != ".gif":
-        raise InputError(str(path), "a film is a .gif", "give it this suffix")
-    if not fps > 0:
-        raise InputError("", f"fps is {fps}, but must be a number > 0")
-    if min(size) < 1:
-        raise InputError("", f"size is {size}, but must be two numbers of pixels, e.g. (1024, 768)")
-    reason = can_render()
-    if reason is not None:
-        raise RuntimeError(f"no film can be made: {reason}")
-    shown = ResultDisplay(result, muscles, off_screen=True, size=size)
-    with closing(shown.scene.plotter), replacing(path) as beside:
-        # One palette for all: colours that change from picture to picture flicker.
-        first, *others = (Image.fromarray(picture).quantize(128) for picture in shown.pictures())
-        pause = round(1000 / fps)
-        first.save(beside, format="GIF", save_all=True, append_images=others, duration=pause, loop=0)
-    return path
-
-
 #: Colours of landmarks by their role.
 _ROLES = {"origin": "black", "insertion": "red", "via": "white"}
 
@@ -239,9 +192,7 @@ class ResultDisplay:
     :class:`~vtkmuscle.plotting.plotters.MovingScene`.
     """
 
-    def __init__(
-        self, result: ResultData, muscles: str | Sequence[str] | None = None, **options: Any
-    ) -> None:
+    def __init__(self, result: Result, muscles: str | Sequence[str] | None = None, **options: Any) -> None:
         from vtkmuscle.plotting.plotters import MovingScene  # noqa: PLC0415 -- only pictures need it
 
         self._result = result

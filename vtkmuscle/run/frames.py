@@ -7,7 +7,7 @@ from collections import UserList
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -177,18 +177,14 @@ class Frames(UserList[Any]):
         return [frame for frame in self.data if isinstance(frame, WrittenFile)]
 
 
-class FibreNumbers(NamedTuple):
-    """Measures (k,) of the fibres in a frame. Levers of the paths are by coordinate, None without paths."""
+#: Measures (k,) of the fibres in a frame, and levers (k,) of the paths by coordinate, None without paths.
+FibreNumbers = tuple[dict[str, Floats], dict[str, Floats] | None]
 
-    columns: dict[str, Floats]
-    levers: dict[str, Floats] | None = None
 
-    @classmethod
-    def of(cls, fibres: vtkPolyData) -> Self:
-        """Return the fibre numbers of a frame."""
-        paths = paths_of(fibres, "fibres")
-        columns = {name: one for name, one in fibre_columns(fibres).items() if name in FIBRE_MEASURES}
-        return cls(columns, None if paths is None else paths.levers)
+def _numbers_of(fibres: vtkPolyData) -> FibreNumbers:
+    paths = paths_of(fibres, "fibres")
+    columns = {name: one for name, one in fibre_columns(fibres).items() if name in FIBRE_MEASURES}
+    return columns, None if paths is None else paths.levers
 
 
 @dataclass(eq=False)
@@ -219,12 +215,12 @@ class MuscleTrack:
     def numbers(self) -> Sequence[FibreNumbers]:
         """The fibre numbers per frame. A run takes the numbers before writing the frame to a file."""
         if len(self._numbers) < len(self.fibres):
-            self._numbers = [FibreNumbers.of(fibres) for fibres in self.fibres]
+            self._numbers = [_numbers_of(fibres) for fibres in self.fibres]
         return self._numbers
 
     def levers(self) -> dict[str, Floats]:
         """Return the levers (f, k) of the paths by coordinate. NaN in frames with unknown levers."""
-        return levers_over_time([one.levers for one in self.numbers if one.levers is not None])
+        return levers_over_time([levers for _, levers in self.numbers if levers is not None])
 
     @property
     def ratios(self) -> Floats:
@@ -241,9 +237,8 @@ class MuscleTrack:
 
     def add_lengths(self, fibres: vtkPolyData, millimetres: float) -> None:
         """Add the fibre and path lengths of a frame. The numbers of the fibres are added too."""
-        numbers = FibreNumbers.of(fibres)
-        self._numbers.append(numbers)
-        self.fibre_lengths.append(numbers.columns["Length"] * millimetres)
+        self._numbers.append(_numbers_of(fibres))
+        self.fibre_lengths.append(self._numbers[-1][0]["Length"] * millimetres)
         if (paths := paths_of(fibres, "fibres")) is not None:
             self.lengths.append(paths.lengths * millimetres)
             self.rest_lengths = paths.rest_lengths * millimetres

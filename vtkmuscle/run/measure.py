@@ -127,12 +127,11 @@ class MuscleMeasure:
         self._bent = tree_of_deformed(self._bent, points, self._triangles)
         outside = fibre_points[~points_inside(fibre_points, self._bent)]
         farthest = float(self._bent.nearest(outside)[2].max(initial=0.0))
-        grown = None
+        deeper = None
         if depths is not None:
-            deepest = np.maximum.reduceat(depths, offsets[:-1])
-            rest = self._fibre_rest_depths
-            grown = float(np.maximum(deepest - (0.0 if rest is None else rest), 0.0).max())
-        deeper = None if grown is None else grown * self._millimetres
+            deepest, rest = np.maximum.reduceat(depths, offsets[:-1]), self._fibre_rest_depths
+            grown = np.maximum(deepest - (0.0 if rest is None else rest), 0.0)
+            deeper = float(grown.max()) * self._millimetres
         outside_by = farthest * self._millimetres
         return {"fibres_outside_max_mm": outside_by, "fibres_penetration_new_max_mm": deeper}
 
@@ -178,7 +177,6 @@ class MuscleMeasure:
         worst = 0.0
         for i, bone in enumerate(self._bones):
             held = self._fixed_to == i
-            if held.any():
-                errors = np.linalg.norm(points[held] - apply_transform(now[bone], self._rest[held]), axis=1)
-                worst = max(worst, float(errors.max()))
+            errors = np.linalg.norm(points[held] - apply_transform(now[bone], self._rest[held]), axis=1)
+            worst = float(errors.max(initial=worst))
         return worst * self._millimetres

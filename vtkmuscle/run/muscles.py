@@ -25,7 +25,7 @@ from vtkmuscle.filters.base.running import upstream
 from vtkmuscle.filters.deformer import read_shape
 from vtkmuscle.io.fibre_table import spread
 from vtkmuscle.pipelines import MusclePipeline
-from vtkmuscle.run.frames import MuscleTrack, RunOptions, WrittenFile
+from vtkmuscle.run.frames import MuscleTrack, RunOptions
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report_values import architecture_of, fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.store.writing import ResultWriter
@@ -67,14 +67,12 @@ class MuscleRun:
     with ``others`` is measured, and with ``muscle_contact`` ``"on"`` the muscle is kept out of ``others``.
     """
 
-    def __init__(
-        self, run: SceneRun, name: str, track: MuscleTrack, others: Sequence[MuscleRun] = ()
-    ) -> None:
+    def __init__(self, run: SceneRun, name: str, others: Sequence[MuscleRun] = ()) -> None:
         self.run, self.scene, self.clock = run, run.scene, run.options.clock
-        self.name, self.track, self.others = name, track, others
+        self.name, self.track, self.others = name, MuscleTrack(), others
         self.deformer: PathDeformer | PBDDeformer | None = None
         self.seconds: dict[str, float] = {}
-        track.report["seconds"] = self.seconds
+        self.track.report["seconds"] = self.seconds
 
     def go(self) -> None:
         """Run all stages; a stopped run raises an AbortedError and keeps its complete frames."""
@@ -210,12 +208,12 @@ class MuscleRun:
     def _keep(self, row: dict[str, Any], deformed: vtkPolyData | None, fibres: vtkPolyData | None) -> None:
         """Keep a frame, all or nothing, in files if the run has a folder, else in memory."""
         number, now = row["frame"], row["time"]
-        kept: tuple[vtkPolyData | WrittenFile | None, vtkPolyData | WrittenFile | None]
+        kept: tuple[Any, Any] = None, fibres
         if self.run.store is not None:
             with self._timed("writing"):
                 kept = self.run.store.write_frame(self.name, number, deformed, fibres)
-        else:
-            kept = deformed and arrays.with_points(self.track.rest, arrays.points_of(deformed)), fibres
+        elif deformed is not None:
+            kept = arrays.with_points(self.track.rest, arrays.points_of(deformed)), fibres
         for frames, frame in zip((self.track.surfaces, self.track.fibres), kept, strict=True):
             if frame is not None:
                 frames.append(frame)
@@ -225,7 +223,7 @@ class MuscleRun:
                     depth = float(np.percentile(arrays.cell_array(fibres, name, "fibres"), 95))
                     row[f"{name.lower()}_p95_mm"] = depth * self.scene.millimetres
             self.track.add_lengths(fibres, self.scene.millimetres)
-            measures = measures_of_fibres(self.track.numbers[-1].columns, self.scene.millimetres)
+            measures = measures_of_fibres(self.track.numbers[-1][0], self.scene.millimetres)
             sizes = {name: spread(values) for name, values in measures.items()}
             self.track.report["fibre_measures"].append({"frame": number, "time": now, **sizes})
         self.track.report["frames"].append(row)

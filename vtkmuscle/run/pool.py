@@ -145,9 +145,9 @@ def _end_with_parent() -> None:
 
 
 def _solve(name: str, path: Path) -> Path:
-    track = MuscleTrack()
-    MuscleRun(_Worker.run, name, track).go()
-    path.write_bytes(pickle.dumps(track))
+    muscle = MuscleRun(_Worker.run, name)
+    muscle.go()
+    path.write_bytes(pickle.dumps(muscle.track))
     return path
 
 

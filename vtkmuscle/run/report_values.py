@@ -19,7 +19,7 @@ from vtkmuscle.data import toml_table
 from vtkmuscle.data.anatomy import PERSONAL, published
 from vtkmuscle.data.arrays import Polylines, checked_surface, field_array, points_of, polylines_of
 from vtkmuscle.data.attachments import aponeuroses_of
-from vtkmuscle.data.muscle_geometry import MuscleGeometry, aponeurosis_surfaces, muscle_geometry
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, aponeurosis_surfaces, surface_of
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.io.fibre_table import muscle_summary, spread
 from vtkmuscle.run.table import Table
@@ -57,7 +57,7 @@ def architecture_of(
         result[key] = found if isinstance(found, list) else found * scale
     tendon, sarcomere = ((hill or {}).get(key) for key in ("tendon_slack_length", "sarcomere_length"))
     ratio = published(name, "fibre_to_path")
-    lines, geometry = polylines_of(fibres, "fibres"), muscle_geometry(muscle, "muscle")
+    lines, geometry = polylines_of(fibres, "fibres"), surface_of(muscle, "muscle").geometry
     surface = geometry.points, geometry.triangles
     volume = abs(signed_volume(*surface))
     profile = of_fibres.area_profile(*surface, geometry.samples(SAMPLES), lines.points, lines.offsets)
@@ -150,7 +150,7 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
     points = points_of(fibres)
     outside = np.maximum(solids_of(*checked_surface(muscle, "muscle")).distances(points), 0.0) * millimetres
     inside = int((outside <= FIBRE_TOLERANCE).sum())
-    lines, geometry = polylines_of(fibres, "fibres"), muscle_geometry(muscle, "muscle")
+    lines, geometry = polylines_of(fibres, "fibres"), surface_of(muscle, "muscle").geometry
     volume = signed_volume(geometry.points, geometry.triangles)
     found = of_fibres.arrangement(lines.points, lines.offsets, geometry.samples(SAMPLES), volume)
     angle = field_array(fibres, "SuperficialAngle")

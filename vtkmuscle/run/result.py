@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from html import escape
 from os import PathLike
 from pathlib import Path
@@ -14,7 +15,9 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import Remedies
-from vtkmuscle.plotting.drawing import html_picture
+from vtkmuscle.io.writing import replacing, write_text
+from vtkmuscle.plotting.drawing import can_render, html_picture
+from vtkmuscle.run.figures import FORMS, ResultDisplay, drawn, figures_of_muscle, rest_pose_of
 from vtkmuscle.run.result_data import ResultData
 from vtkmuscle.run.store import ResultFolder
 from vtkmuscle.run.table import html_table
@@ -143,8 +146,6 @@ class Result(ResultData):
         capture it; ``off_screen`` is PyVista's own setting by default. ValueError if there is no such muscle
         or kept frame.
         """
-        from vtkmuscle.run.figures import ResultDisplay  # noqa: PLC0415 -- only pictures need PyVista
-
         position = 0 if frame is None and time is None else self._position(frame, time)
         shown = ResultDisplay(self, muscles, off_screen=off_screen)
         shown.show(position)
@@ -180,9 +181,23 @@ class Result(ResultData):
         RuntimeError
             If no picture can be rendered here.
         """
-        from vtkmuscle.run.figures import film_of  # noqa: PLC0415 -- only pictures need PyVista
+        from PIL import Image  # noqa: PLC0415 -- matplotlib has it; only films need it
 
-        return film_of(self, Path(path), fps=fps, muscles=muscles, size=size)
+        if Path(path).suffix.lower() != ".gif":
+            raise InputError(str(path), "a film is a .gif", "give it this suffix")
+        if not fps > 0:
+            raise InputError("", f"fps is {fps}, but must be a number > 0")
+        if min(size) < 1:
+            raise InputError("", f"size is {size}, but must be two numbers of pixels, e.g. (1024, 768)")
+        if (reason := can_render()) is not None:
+            raise RuntimeError(f"no film can be made: {reason}")
+        shown = ResultDisplay(self, muscles, off_screen=True, size=size)
+        with closing(shown.scene.plotter), replacing(Path(path)) as beside:
+            # One palette for all: colours that change from picture to picture flicker.
+            first, *others = (Image.fromarray(picture).quantize(128) for picture in shown.pictures())
+            pause = round(1000 / fps)
+            first.save(beside, format="GIF", save_all=True, append_images=others, duration=pause, loop=0)
+        return Path(path)
 
     def write_figures(
         self, folder: str | PathLike[str], *, form: str = "png", dpi: float = 300.0, width: float = 180.0
@@ -208,9 +223,19 @@ class Result(ResultData):
         RuntimeError
             If no picture can be rendered here; nothing is written then.
         """
-        from vtkmuscle.run.figures import write_figures  # noqa: PLC0415 -- only figures need PyVista
-
-        return write_figures(Path(folder), self, form=form, dpi=dpi, width=width)
+        if form not in FORMS:
+            raise InputError(form, "unknown format of figures", "allowed: png, pdf, svg")
+        if not 20.0 <= dpi <= 2400.0:
+            raise InputError("", f"dpi is {dpi:g}, but must be 20 to 2400", "e.g. 300")
+        if not 60.0 <= width <= 400.0:
+            problem = f"width is {width:g} mm, but must be 60 to 400"
+            raise InputError("", problem, "journals have columns of 85 and 180")
+        if (reason := can_render()) is not None:
+            raise RuntimeError(f"no figures can be made: {reason}")
+        every = [rest_pose_of(self)]
+        for name in self.muscle_names:
+            every += figures_of_muscle(self, name)
+        return drawn(every, Path(folder), self.drawn_bones, form, dpi=dpi, width=width)
 
     def write_usd(self, path: str | PathLike[str], *, tubes: bool = False) -> Path:
         """Write bones, muscles and fibres as an animation of USD, for Blender, Houdini or Omniverse.
@@ -243,11 +268,12 @@ class Result(ResultData):
         The .html file holds all that it shows and needs no network; it is replaced where it exists. Another
         suffix is a ValueError.
         """
-        from vtkmuscle.report import write_page  # noqa: PLC0415 -- only a page needs its parts
+        from vtkmuscle.report import page_of  # noqa: PLC0415 -- only a page needs its parts
 
         if Path(path).suffix.lower() not in (".html", ".htm"):
             raise InputError(str(path), "a report is an HTML page", "end the name in .html")
-        return write_page(path, self)
+        write_text(Path(path), page_of(self))
+        return Path(path)
 
 
 One = TypeVar("One")

@@ -281,7 +281,7 @@ class ResultData(ByName):
         """Give the measures of the fibres of each muscle. A row per fibre and frame."""
         for name, track in self._tracks.items():
             if track.fibres:
-                measures = [measures_of_fibres(n.columns, MILLIMETRES[self.units]) for n in track.numbers]
+                measures = [measures_of_fibres(own, MILLIMETRES[self.units]) for own, _ in track.numbers]
                 ids = {"fibre": np.arange(len(measures[0]["length_mm"]))}
                 parts = (ids | {"time": t} | own for t, own in zip(self.times, measures, strict=False))
                 yield name, Table.stacked(("fibre", "time", *measures[0]), parts)

@@ -58,6 +58,7 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
         odd = check_sense(scene) if options.sense else []
         if store is not None:
             stack.enter_context(claimed(store.path, scene, overwrite=options.overwrite))
+            stack.callback((pool or ExitStack()).close)  # no process writes when the folder is tidied
         own = {"taken_over": list(tracks), "sense": [str(error) for error in odd]}
         report = _first_report(run, tracks) | own
         result_of = partial(_result, run, report, bones := DrawnBones(scene.bones_data()))
@@ -113,29 +114,12 @@ def run_only(
 ) -> Table | dict[str, list[vtkPolyData]]:
     """Compute the lengths, the moment arms or the surfaces of a scene alone.
 
-    Lengths and moment arms take the paths alone: no muscle is deformed, no fibre is moved and no frame is
-    measured. Surfaces take the deformer without fibres.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene; lengths and moment arms need fibres, surfaces a deformer.
-    what : str
-        ``"lengths"``, ``"moment_arms"`` or ``"surfaces"``.
-    out : path, optional
-        Folder for ``lengths.csv``, ``moment_arms.csv`` or a ``NAME.pvd`` per muscle.
-    frames, workers, progress, overwrite : optional
-        As of :class:`~vtkmuscle.run.RunOptions`.
-
-    Returns
-    -------
-    Table or dict of str to list of vtkPolyData
-        A row per muscle, path and frame [mm]; or the surfaces of muscles in the frames.
-
-    Raises
-    ------
-    ValueError
-        If the output is unknown, a file would be replaced, or a stage cannot run.
+    ``what`` is ``"lengths"`` or ``"moment_arms"``, for a table with a row per muscle, path and frame [mm], or
+    ``"surfaces"``, for the muscles in the frames. Tables take the paths alone: no muscle is deformed, no
+    fibre is moved and no frame is measured. Surfaces take the deformer without fibres. With a folder ``out``,
+    lengths.csv, moment_arms.csv or a NAME.pvd per muscle is written; further options are those of
+    :class:`~vtkmuscle.run.RunOptions`. ValueError if the output is unknown, a file would be replaced, or a
+    stage cannot run.
 
     Examples
     --------
@@ -213,7 +197,7 @@ def _solve(
 
     def solve(name: str) -> MuscleTrack:
         """Solve a muscle in this process; later muscles may meet it."""
-        muscle = MuscleRun(run, name, MuscleTrack(), tuple(others))
+        muscle = MuscleRun(run, name, tuple(others))
         muscle.go()
         others.extend([muscle] * (run.scene.muscle_contact != "off"))
         return muscle.track

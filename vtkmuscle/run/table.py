@@ -100,14 +100,9 @@ class Table(Mapping[str, NDArray[Any]]):
         return html_table(tuple(self), rows) + escape(repr(self))
 
     def where(self, **wanted: Any) -> Self:
-        """Return the rows with equal values in columns.
+        """Return the rows with equal values in columns, as in ``table.where(muscle="iliacus", frame=10)``.
 
-        As in ``table.where(muscle="iliacus", frame=10)``.
-
-        Raises
-        ------
-        ValueError
-            If there is no such column.
+        Another column is a ValueError.
         """
         kept = np.ones(self._count(), dtype=np.bool_)
         for name, value in wanted.items():
@@ -138,10 +133,7 @@ class Table(Mapping[str, NDArray[Any]]):
     def to_frame(self) -> Any:
         """Return the table as a pandas DataFrame.
 
-        Raises
-        ------
-        ImportError
-            If pandas is not installed; ``dict(table)`` works without pandas.
+        ImportError without pandas; ``dict(table)`` works without.
         """
         return optional_package("pandas", "dict(table) gives arrays; a DataFrame").DataFrame(dict(self))
 

@@ -72,8 +72,7 @@ def _arrays(surface: vtkPolyData) -> tuple[Floats, Ints]:
     points, triangles = checked_surface(surface, "")
     if np.abs(points).max() > _LARGEST:
         point = int(np.abs(points).max(axis=1).argmax())
-        problem = f"point {point} has a coordinate of {np.abs(points[point]).max():.4g}"
-        raise InputError("", problem, "correct that point, or remove it")
+        raise InputError("", *words_of("huge", point=point, size=np.abs(points[point]).max()))
     return points, triangles
 
 

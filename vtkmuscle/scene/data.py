@@ -45,10 +45,8 @@ class Muscle:
     fibres : mapping, optional
         Keyword arguments of :func:`vtkmuscle.pipelines.decompose`, and ``weight_tolerance`` of
         FibreTransport, by default 0.3, 0 for exact transport; None for a muscle without fibres.
-    solver : mapping
-        Parameters of the deformer that differ from the scene's.
-    fixing : mapping
-        Parameters of FixedPointDetector that differ from the scene's.
+    solver, fixing : mapping
+        Parameters of the deformer and of FixedPointDetector that differ from the scene's.
     superficial_fibres : vtkPolyData, optional
         Polylines: fibres observed on the surface, in the rest pose. They orient the template and select the
         soft edges of Algorithm 2.
@@ -187,10 +185,8 @@ class SceneError(InputError):
     ----------
     problem, remedy, where : str
         Fault, correction, and file and key, of the first fault.
-    key : str
-        The dotted key, e.g. ``muscles.iliacus.attachments[1].bone``.
-    file : Path or None
-        The file at fault.
+    key, file : str, Path or None
+        The dotted key, e.g. ``muscles.iliacus.attachments[1].bone``, and the file at fault.
     faults : tuple of SceneError
         All faults, starting with the error itself. The message has a line for each.
 

@@ -23,7 +23,7 @@ from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.attachments import ROLES, SIDES, VIA, Aponeurosis, AttachmentArea
 from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
 from vtkmuscle.scene.checks import turned_over
-from vtkmuscle.scene.data import MILLIMETRES, Muscle, SceneError, SceneFiles, errors_at, parsed
+from vtkmuscle.scene.data import MILLIMETRES, Muscle, SceneError, SceneFiles, errors_at, parsed, words_of
 from vtkmuscle.scene.joints import SceneJoints, joints_of, motion_from
 from vtkmuscle.scene.schema import Aponeuroses, Area, Estimate, SceneTable
 from vtkmuscle.scene.validation import validated
@@ -127,9 +127,7 @@ def _areas(key: str, tables: list[Area], files: SceneFiles, scene: SceneTable) -
             continue
         landmarks, closed = read
         if area.closed is None and not closed and area.role != VIA and _goes_round(landmarks):
-            problem = "the landmarks surround an area, but are read as an open curve: the file does not "
-            problem += "repeat the first landmark at the end"
-            remedy = "write closed = true for the area within, closed = false for the curve alone"
+            problem, remedy = words_of("open_curve")
             warnings.warn(str(SceneError(problem, where, remedy, files.paths[""])), stacklevel=2)
         closed = area.role == VIA or (closed if area.closed is None else area.closed)
         areas.append(AttachmentArea(area.role, area.bone, landmarks, closed, area.estimated, area.confidence))

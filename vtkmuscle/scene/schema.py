@@ -33,7 +33,7 @@ from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.filters.taut_paths import TautPaths
 from vtkmuscle.io.landmarks import FRAMES
 from vtkmuscle.pipelines import DEFORMERS, FIBRE_SETTINGS, QUALITIES, TRANSPORT_SETTINGS
-from vtkmuscle.scene.data import MILLIMETRES
+from vtkmuscle.scene.data import MILLIMETRES, words_of
 
 #: Text in place of attachments, for estimates.
 ESTIMATE = "estimate"
@@ -106,16 +106,15 @@ _RESULTS = (".pvd", ".vtp", ".csv", ".json", ".png", ".toml", ".html", ".partial
 def checked_name(name: str) -> str:
     """Return a name usable as a file name; InputError otherwise."""
     if not _NAME.fullmatch(name):
-        remedy = "use only letters, digits, spaces and _ - + .; begin and end with a letter or digit"
-        raise InputError("", f"{quoted(name)} cannot be part of a file name", remedy)
+        raise InputError("", *words_of("no_file_name", name=quoted(name)))
     if name.casefold().endswith(_RESULTS):
-        raise InputError("", f"the name {quoted(name)} ends like a file of results", "leave out the suffix")
+        raise InputError("", *words_of("results_name", name=quoted(name)))
     return name
 
 
 def _direction(axis: list[float]) -> list[float]:
     if not any(axis):
-        raise InputError("", "the direction has no length", "write axis = [1.0, 0.0, 0.0], for example")
+        raise InputError("", *words_of("no_direction"))
     return axis
 
 
@@ -136,13 +135,7 @@ Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 Direction = Annotated[Triple, AfterValidator(_direction)]
 
 
-#: Number of coordinates of each kind of joint, None for any, and its required and optional keys.
-JOINT_KINDS: dict[str, tuple[int | None, tuple[str, ...], tuple[str, ...]]] = {
-    "pin": (1, ("centre", "axis"), ("coordinates",)),
-    "ball": (3, ("centre",), ("axes", "coordinates")),
-    "weld": (0, (), ("centre",)),
-    "custom": (None, ("centre",), ("coordinates", "rotations", "translations")),
-}
+JOINT_KINDS, MOTION_KINDS = _KEYS["joint_kinds"], _KEYS["motion_kinds"]
 
 
 def _ascending(ends: list[float]) -> list[float]:
@@ -156,8 +149,7 @@ def names_or_tables(value: Any) -> Any:
     if isinstance(value, list) and all(isinstance(name, str) and name for name in value):
         return {name: {} for name in value}
     if not isinstance(value, dict):
-        remedy = 'write ["NAME"], or { NAME = { positive = "flexion" } }'
-        raise InputError("", f"must be a list of names, not {quoted(value)}", remedy)
+        raise InputError("", *words_of("no_names", value=quoted(value)))
     return value
 
 
@@ -237,21 +229,18 @@ class Hill(SchemaTable):
     def _check(self) -> Hill:
         parts = [name for name in ("pcsa", "specific_tension") if getattr(self, name) is not None]
         if len(parts) == 1:
-            remedy = "give pcsa and specific_tension, or max_isometric_force"
-            raise InputError("", f"{parts[0]} alone gives no force", remedy)
+            raise InputError("", *words_of("no_force", part=parts[0]))
         if parts and self.max_isometric_force is not None:
-            problem = "max_isometric_force cannot be combined with pcsa and specific_tension"
-            raise InputError("", problem, "give either")
+            raise InputError("", *words_of("two_forces"))
         return self
 
 
 def _steps(values: list[float]) -> list[float]:
     start, stop, step = values
     if not (step > 0 and stop >= start):
-        remedy = "write [start, stop, step] with step > 0 and stop >= start; to turn backwards, negate axis"
-        raise InputError("", f"[{start:g}, {stop:g}, {step:g}] does not ascend", remedy)
+        raise InputError("", *words_of("descends", start=start, stop=stop, step=step))
     if (stop - start) / step > MOST_FRAMES:
-        raise InputError("", f"{(stop - start) / step:.3g} frames are too many", "choose a larger step")
+        raise InputError("", *words_of("many_frames", count=(stop - start) / step))
     return values
 
 
@@ -266,12 +255,10 @@ def _list_or_estimate(value: Any, handler: Callable[[Any], Any]) -> Any:
         named = value.get(ESTIMATE)
         bones = [bone for bone in named if isinstance(bone, str)] if isinstance(named, list) else []
         if len(bones) != 2 or named != bones or len(value) > 1:
-            remedy = 'write { estimate = ["BONE OF THE ORIGIN", "BONE OF THE INSERTION"] }'
-            raise InputError("", f"must name two bones, not {quoted(value)}", remedy)
+            raise InputError("", *words_of("no_two_bones", value=quoted(value)))
         return Estimate(*bones)
     if not isinstance(value, list):
-        remedy = f'write [{{ role = "origin", bone = "NAME", landmarks = "FILE.vtp" }}], or "{ESTIMATE}"'
-        raise InputError("", f"must be a list, not {quoted(value)}", remedy)
+        raise InputError("", *words_of("no_areas", value=quoted(value)))
     return handler(value)
 
 

@@ -71,10 +71,6 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     yield from _gaps(scene, anatomy)
 
 
-def _position(point: Any) -> str:
-    return f"({', '.join(f'{value:.4g}' for value in point)})"
-
-
 def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
     clouds = [bone.points for bone in anatomy.bones.values()]
     clouds += [muscle.points for muscle in anatomy.muscles.values()]
@@ -162,7 +158,7 @@ def _in_bones(millimetres: float, name: str, anatomy: Anatomy) -> Iterator[Findi
             depths[within] = millimetres * solids.depth(points[within])
             deep = points[depths > deepest]
             if len(deep) and millimetres * diagonal(deep) >= spread:
-                where, share = _position(points[np.argmax(depths)]), (depths > 0.0).mean()
+                where, share = tuple(points[np.argmax(depths)]), (depths > 0.0).mean()
                 words: dict[str, Any] = {"inner": inner, "outer": outer, "position": where, "share": share}
                 yield _finding("in_bone", f"muscles.{name}.surface", depth=depths.max(), **words)
                 break

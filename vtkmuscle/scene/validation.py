@@ -143,20 +143,11 @@ def _of_attachments(key: str, muscle: schema.MuscleTable, scene: schema.SceneTab
             yield _fault("no_role", key, role=role, more=more)
 
 
-#: Kinds of motion, and the keys of each.
-_MOTIONS = {
-    "hinge": (),
-    "file": ("every", "coordinates"),
-    "grid": ("coordinates",),
-    "transforms": ("bone", "time", "centre", "coordinates"),
-}
-
-
 def _of_motion(scene: schema.SceneTable) -> Iterator[_Fault]:
     motion = scene.motion
     jointed = bool(scene.joints) or scene.opensim is not None
     present = [name for name in schema.Motion.model_fields if name in motion.model_fields_set]
-    kind = next((name for name in _MOTIONS if name in present), None)
+    kind = next((name for name in schema.MOTION_KINDS if name in present), None)
     if jointed and kind not in ("file", "grid"):
         yield _fault("joints_without_motion", "motion")
         return
@@ -165,7 +156,7 @@ def _of_motion(scene: schema.SceneTable) -> Iterator[_Fault]:
         yield _fault("missing", "motion.transforms", remedy=remedy)
         return
     for name in present:
-        if name not in (kind, *_MOTIONS[kind]):
+        if name not in (kind, *schema.MOTION_KINDS[kind]):
             yield _fault("combined", f"motion.{name}", other=f"motion.{kind}")
     if kind in ("file", "grid") and not jointed:
         yield _fault("no_joints", f"motion.{kind}")
@@ -207,15 +198,15 @@ def _of_joints(scene: schema.SceneTable) -> Iterator[_Fault]:
 
 
 def _of_kind(key: str, joint: schema.JointTable) -> Iterator[_Fault]:
-    kind, (wanted, needed, optional) = joint.type, schema.JOINT_KINDS[joint.type]
+    kind, keys = joint.type, schema.JOINT_KINDS[joint.type]
     for name in ("centre", "axis", "axes", "coordinates", "rotations", "translations"):
         missing = getattr(joint, name) is None
-        if missing and name in needed:
+        if missing and name in keys["needed"]:
             yield _fault("missing", f"{key}.{name}", remedy=f"add {name} = [1.0, 0.0, 0.0]")
-        elif not missing and name not in (*needed, *optional):
+        elif not missing and name not in (*keys["needed"], *keys["optional"]):
             yield _fault("not_of_joint", f"{key}.{name}", kind=kind)
     count = len(joint.coordinates or {})
-    if wanted and count != wanted:
+    if (wanted := keys.get("coordinates")) and count != wanted:
         names = ", ".join(f'"NAME_{number}"' for number in range(1, wanted + 1))
         sizes = {"count": count, "kind": kind, "wanted": wanted, "names": names}
         yield _fault("coordinates_of_joint", f"{key}.coordinates", **sizes)

@@ -25,13 +25,27 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
     motions = RigidTransform(transforms, normalize=False).as_dual_quat()
     # q and -q are the same rotation: the sign nearer to the first blends the short way.
     motions[motions[:, :4] @ motions[0, :4] < 0.0] *= -1.0
-    mean = np.einsum("nb,bk->kn", weights, motions)
-    (x, y, z, w, a, b, c, e), (p, q, r) = mean, points.T
-    squares = np.maximum((mean[:4] ** 2).sum(axis=0), EPSILON**2)
-    # v x p + w p + d, then v x that: the turn; the shift is w d - e v + v x d.
-    u, v, t = y * r - z * q + w * p + a, z * p - x * r + w * q + b, x * q - y * p + w * r + c
-    ways = y * t - z * v + w * a - e * x, z * u - x * t + w * b - e * y, x * v - y * u + w * c - e * z
-    return np.asarray(points + 2.0 * np.stack(ways, axis=1) / squares[:, None])
+    moved = np.empty_like(points)
+    _blend(motions, weights, points, np.empty(8), moved)
+    return moved
+
+
+@kernel
+def _blend(motions: Floats, weights: Floats, points: Floats, mean: Floats, moved: Floats) -> None:
+    """Move points (n, 3) by mean dual quaternions (b, 8) of weights (n, b); mean : (8,), memory."""
+    for i in range(len(points)):
+        mean[:] = 0.0
+        for k in range(len(motions)):
+            for part in range(8):
+                mean[part] += weights[i, k] * motions[k, part]
+        x, y, z, w, a, b, c, e = mean[0], mean[1], mean[2], mean[3], mean[4], mean[5], mean[6], mean[7]
+        square = max(x * x + y * y + z * z + w * w, EPSILON * EPSILON)
+        p, q, r = points[i, 0], points[i, 1], points[i, 2]
+        # v x p + w p + d, then v x that: the turn; the shift is w d - e v + v x d.
+        u, v, t = y * r - z * q + w * p + a, z * p - x * r + w * q + b, x * q - y * p + w * r + c
+        moved[i, 0] = p + 2.0 * (y * t - z * v + w * a - e * x) / square
+        moved[i, 1] = q + 2.0 * (z * u - x * t + w * b - e * y) / square
+        moved[i, 2] = r + 2.0 * (x * v - y * u + w * c - e * z) / square
 
 
 def screws_between(start: Floats, end: Floats, fraction: float) -> Floats:
