@@ -120,7 +120,7 @@ class Settling:
         out = points.copy()
         inside = touching.keep_out(out)
         way = out - points
-        if _torn(points, way, inside, self._edges):
+        if inside.any() and _torn(points, way, inside, self._edges):
             time = (TOGETHER / SPREAD) ** 2 * self._time
             self._diffusion.spread(way, time, inside, insulated=True)
             way /= np.maximum(np.linalg.norm(way, axis=1), np.finfo(float).tiny)[:, None]
