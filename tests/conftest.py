@@ -74,36 +74,28 @@ bp3d_arm = data_folder("bp3d_arm", "shoulder_abduction.toml", "the arm is")
 label_data = data_folder("labels", "totalsegmentator_pelvis_3mm.nii.gz", "the map of labels is")
 
 
-@pytest.fixture
-def spindle():
-    """A new spindle over a hinge."""
-    from vtkmuscle.phantoms import spindle_over_hinge
+def new_phantom(name):
+    """Return a fixture of a new phantom (made once per process, copied for each test)."""
 
-    return spindle_over_hinge()
+    @pytest.fixture
+    def phantom():
+        from vtkmuscle import phantoms
 
+        return getattr(phantoms, name)()
 
-@pytest.fixture
-def cylinder():
-    """A new strap that wraps a cylinder."""
-    from vtkmuscle.phantoms import wrapping_cylinder
-
-    return wrapping_cylinder()
+    return phantom
 
 
-@pytest.fixture
-def block():
-    """A new pennate block."""
-    from vtkmuscle.phantoms import pennate_block
-
-    return pennate_block()
+spindle, cylinder = new_phantom("spindle_over_hinge"), new_phantom("wrapping_cylinder")
+block, hip = new_phantom("pennate_block"), new_phantom("hip")
 
 
 @pytest.fixture
-def hip():
-    """A new phantom hip (made once per process, copied for each test)."""
-    from vtkmuscle.phantoms import hip
+def scene_file(tmp_path):
+    """The file of a new tiny scene."""
+    from tiny_scene import write_tiny_scene
 
-    return hip()
+    return write_tiny_scene(tmp_path / "scene")
 
 
 #: Names in a test that takes a package of the extra ``test-all``.

@@ -94,18 +94,10 @@ def read_all(paths: list[Path], module: str, name: str) -> dict[str, tuple[str, 
     """
     results: dict[str, tuple[str, str, float]] = {}
     waiting = [str(path) for path in paths]
+    script = _READ_ALL.format(here=str(Path(__file__).parent), module=module, name=name)
     while waiting:
-        done = subprocess.run(
-            [
-                sys.executable,
-                "-c",
-                _READ_ALL.format(here=str(Path(__file__).parent), module=module, name=name),
-            ],
-            input=json.dumps(waiting),
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        command = [sys.executable, "-c", script]
+        done = subprocess.run(command, input=json.dumps(waiting), capture_output=True, text=True, check=False)
         for line in done.stdout.splitlines():
             path, *what = json.loads(line)
             results[path] = tuple(what)

@@ -2,6 +2,7 @@
 
 import numpy as np
 from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.mesh.surface import opposite_half_edges
 from vtkmuscle.core.morphing.sections import ClosedSurface
@@ -90,3 +91,11 @@ def closed_surface(points, triangles):
     """Return a surface to be cut into sections."""
     triangles = np.ascontiguousarray(triangles)
     return ClosedSurface(points, triangles, opposite_half_edges(triangles))
+
+
+def rigid(rng):
+    """Return a turn and a shift of some 200 mm, by chance."""
+    transform = np.eye(4)
+    transform[:3, :3] = Rotation.random(random_state=rng).as_matrix()
+    transform[:3, 3] = 200.0 * rng.normal(size=3)
+    return transform

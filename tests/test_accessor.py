@@ -1,14 +1,13 @@
 """What PyVista finds by itself: ``mesh.muscle`` and the readers, through the package's entry points."""
 
 import os
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 import pyvista as pv
+from commands import python
 
 import vtkmuscle.accessor
 from vtkmuscle.data.arrays import points_of
@@ -108,12 +107,5 @@ def test_a_modellers_mesh_is_taken_as_triangles_with_shared_corners(spindle, mes
 def test_pyvista_finds_it_without_an_import(tmp_path):
     write_entry_points(tmp_path / "installed")
     path = os.pathsep.join([str(tmp_path / "installed"), str(Path(vtkmuscle.__file__).parents[1])])
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", DISCOVERY],
-        env={**os.environ, "PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    done = python("-W", "error", "-c", DISCOVERY, env={**os.environ, "PYTHONPATH": path})
     assert done.stdout == "[2.82842712]\n"

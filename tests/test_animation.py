@@ -4,10 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from commands import vtkmuscle_
 
 from vtkmuscle import Scene, phantoms
-from vtkmuscle.cli import app
 from vtkmuscle.data.arrays import points_of, polylines_of
 
 METRES = 0.001
@@ -87,12 +86,12 @@ def test_the_command_line_replaces_its_own_animation_only(result, tmp_path):
     pytest.importorskip("pxr", reason="the extra usd is not installed")
     out = tmp_path / "run.usda"
     Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=6).save(tmp_path / "scene")
-    export = ["export", str(tmp_path / "scene/scene.toml"), str(out)]
+    export = "export", tmp_path / "scene/scene.toml", out
     out.write_text("of the user")
-    assert CliRunner().invoke(app, export).exit_code != 0
+    assert vtkmuscle_(*export).exit_code != 0
     assert out.read_text() == "of the user"
     out.unlink()
-    done = CliRunner().invoke(app, export)
+    done = vtkmuscle_(*export)
     assert done.exit_code == 0, done.output
     assert "wrote" in done.output
     assert len(opened(out).GetPrimAtPath("/spindle_over_hinge").GetChildren()) == 3

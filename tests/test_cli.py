@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 import pyvista
 import typer
-from tiny_scene import HINGE, MOTION, ellipsoid, write_tiny_scene
+from commands import python, vtkmuscle_
+from tiny_scene import HINGE, MOTION, ellipsoid
 from typer.testing import CliRunner
 
 import vtkmuscle
@@ -45,15 +46,6 @@ main()
 """
 
 
-@pytest.fixture
-def scene_file(tmp_path):
-    return write_tiny_scene(tmp_path / "scene")
-
-
-def vtkmuscle_(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
-
-
 def test_version():
     assert vtkmuscle_("--version").stdout == f"vtkmuscle {vtkmuscle.__version__}\n"
 
@@ -61,8 +53,8 @@ def test_version():
 def test_help_names_the_commands_without_loading_vtk():
     code = "import sys; from vtkmuscle.cli import main; sys.argv = ['vtkmuscle', '--help']\n"
     code += "try: main()\nfinally: assert not {'vtkmodules', 'numba', 'pyvista'} & set(sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert all(command in done.stdout for command in ("run", "demo", "info"))
+    printed = python("-c", code).stdout
+    assert all(command in printed for command in ("run", "demo", "info"))
 
 
 def test_a_run_says_what_it_found_and_where_it_is(scene_file, tmp_path):

@@ -12,7 +12,7 @@ from fuzz_target import WORDS
 from mutations import judged, mutated
 from phantoms import hip, label_map
 from tiny_scene import HINGE, MOTION, write_tiny_scene
-from two_joint_scene import save_strap, scene_with
+from two_joint_scene import OPENSIM, save_strap, scene_with
 
 from vtkmuscle import Scene
 from vtkmuscle.data.arrays import blocks_of, points_of
@@ -28,13 +28,7 @@ LITERATURE = "source,muscle,dof,angle_deg,moment_arm_mm,part\n" + "".join(
     for angle in (0, 10, 20)
 )
 #: Joints of a model of OpenSim.
-LEG = {
-    "model": "4.osim",
-    "bodies": {"proximal": "ground", "middle": "femur", "distal": "tibia"},
-    "frame": "femur",
-    "fixed": "femur",
-    "rest": {"knee_angle": 0.0},
-}
+LEG = OPENSIM | {"model": "4.osim", "rest": {"knee_angle": 0.0}}
 MESHES = ("Pelvis.vtp", "Femur R.vtp", "Iliacus R.vtp", "Iliacus R_origin.csv")
 RESULTS = "results/**/*"
 

@@ -6,11 +6,10 @@ The documentation runs each of them too, with warnings as errors; so here they r
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from commands import python
 
 import vtkmuscle
 
@@ -28,16 +27,7 @@ def test_there_are_examples():
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_example_runs(example, tmp_path, renders):
     here = {"PYVISTA_OFF_SCREEN": "true", "PYTHONPATH": str(PACKAGES), "MPLBACKEND": "agg"}
-    done = subprocess.run(
-        [sys.executable, "-W", "error", str(example)],
-        cwd=tmp_path,
-        env={**os.environ, **here},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    done = python("-W", "error", example, cwd=tmp_path, env={**os.environ, **here})
     assert "Traceback" not in done.stderr
 
 

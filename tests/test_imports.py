@@ -2,11 +2,10 @@
 
 import json
 import pkgutil
-import subprocess
-import sys
 from functools import cache
 
 import pytest
+from commands import python
 
 import vtkmuscle
 import vtkmuscle.core
@@ -24,16 +23,10 @@ print(json.dumps(sorted(sys.modules)))
 """
 
 
-def in_a_child_process(script):
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
 @cache
 def modules_after_importing(*names):
     """Return the names of all modules in a child process that imported some."""
-    return json.loads(in_a_child_process(REPORT.format(names=list(names))))
+    return json.loads(python("-c", REPORT.format(names=list(names))).stdout)
 
 
 def packages(modules):

@@ -6,18 +6,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from tiny_scene import HINGE, MOTION, write_tiny_scene
-from typer.testing import CliRunner
+from commands import vtkmuscle_
+from tiny_scene import HINGE, MOTION
 
 from vtkmuscle import Scene
-from vtkmuscle.cli import BAD_INPUT, app
+from vtkmuscle.cli import BAD_INPUT
 
 DEEP = "a = " + 500 * "[" + 500 * "]" + "\n"
-
-
-@pytest.fixture
-def scene_file(tmp_path):
-    return write_tiny_scene(tmp_path / "scene")
 
 
 def change(scene_file, old, new):
@@ -28,7 +23,7 @@ def change(scene_file, old, new):
 
 def refused(*arguments):
     """Run the program, expect a line for each fault and nothing else, and return them."""
-    done = CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
+    done = vtkmuscle_(*arguments)
     assert done.exit_code == BAD_INPUT
     lines = done.stderr.splitlines()
     assert lines

@@ -4,11 +4,10 @@ import csv
 import html
 
 import pytest
+from commands import vtkmuscle_
 from tiny_scene import HINGE, TOML, write_tiny_scene
-from typer.testing import CliRunner
 
 from vtkmuscle import Table
-from vtkmuscle.cli import app
 
 NAME = '=1+1 <script>alert("x")</script> &amp;'
 
@@ -20,7 +19,7 @@ def run(tmp_path_factory):
     motion = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
     path.write_text(TOML.replace(motion, HINGE + f"coordinate = '{NAME}'\n\n"))
     out = path.parent / "out"
-    done = CliRunner().invoke(app, ["run", str(path), "--out", str(out), "--no-figures"])
+    done = vtkmuscle_("run", path, "--out", out, "--no-figures")
     assert done.exit_code == 0, done.output
     return done.stdout, out
 

@@ -10,12 +10,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from commands import vtkmuscle_
 from faults import files_in
 from tiny_scene import write_tiny_scene
-from typer.testing import CliRunner
 
 from vtkmuscle import Scene, SceneError, phantoms
-from vtkmuscle.cli import BAD_INPUT, app
+from vtkmuscle.cli import BAD_INPUT
 from vtkmuscle.io.writing import LOCK
 from vtkmuscle.run.store.writing import ResultWriter, claimed, remove_results
 from vtkmuscle.scene.writing import save_unless_there
@@ -24,17 +24,8 @@ QUICK = ("--frames", "0:1", "--no-figures", "--quiet")
 
 
 @pytest.fixture
-def scene_file(tmp_path):
-    return write_tiny_scene(tmp_path / "scene")
-
-
-@pytest.fixture
 def scene(scene_file):
     return Scene.load(scene_file)
-
-
-def vtkmuscle_(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
 
 
 def contents(folder):

@@ -7,7 +7,7 @@ import osim_texts as texts
 import pytest
 from phantoms import strap_over_two_joints
 from phantoms.two_joint_strap import AXIS
-from two_joint_scene import CENTRE, JOINTS, save_strap, scene_with
+from two_joint_scene import CENTRE, JOINTS, OPENSIM, save_strap, scene_with
 
 from vtkmuscle import Scene, SceneError
 from vtkmuscle.core.mesh.surface import signed_volume
@@ -109,13 +109,7 @@ def test_a_ball_turns_about_moved_axes(strap_folder, tmp_path):
 
 
 def test_a_model_of_opensim_moves_the_bones(strap_folder, tmp_path):
-    model = {
-        "model": "leg.osim",
-        "bodies": {"proximal": "ground", "middle": "femur", "distal": "tibia"},
-        "frame": "femur",
-        "fixed": "femur",
-        "rest": {"knee_angle": 10.0},
-    }
+    model = OPENSIM | {"model": "leg.osim", "rest": {"knee_angle": 10.0}}
     path = scene_with(
         strap_folder, tmp_path, joints=None, opensim=model, motion={"grid": {"knee_angle": [10, 40, 15]}}
     )
@@ -136,13 +130,9 @@ def test_a_model_of_opensim_moves_the_bones(strap_folder, tmp_path):
 def test_the_walk_of_the_real_hip_is_its_table(lhdl_hip, strap_folder, tmp_path):
     # hip_flexion_rest_0_90.csv was made by OpenSim from the same model and motion.
     rest = {"hip_flexion_r": 1.576011, "hip_adduction_r": -4.726925, "hip_rotation_r": -5.289883}
-    model = {
-        "model": str(lhdl_hip / "reference" / "LHDL_hip_r.osim"),
-        "bodies": {"proximal": "pelvis", "middle": "femur_r", "distal": "ground"},
-        "frame": "pelvis",
-        "fixed": "pelvis",
-        "rest": rest,
-    }
+    bodies = {"proximal": "pelvis", "middle": "femur_r", "distal": "ground"}
+    model = {"model": str(lhdl_hip / "reference" / "LHDL_hip_r.osim"), "bodies": bodies, "rest": rest}
+    model |= {"frame": "pelvis", "fixed": "pelvis"}
     file = str(lhdl_hip / "motions" / "hip_flexion_rest_0_90.mot")
     path = scene_with(strap_folder, tmp_path, joints=None, opensim=model, motion={"file": file})
     motion = read_motion(path)

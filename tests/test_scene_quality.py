@@ -5,18 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tiny_scene import write_tiny_scene
-from typer.testing import CliRunner
+from commands import vtkmuscle_
 
 from vtkmuscle import Result, Scene, SceneError
-from vtkmuscle.cli import app
 from vtkmuscle.filters.taut_paths import PATH_PRESETS
 from vtkmuscle.run import muscle_pipeline
-
-
-@pytest.fixture
-def scene_file(tmp_path):
-    return write_tiny_scene(tmp_path / "scene")
 
 
 def test_a_preset_is_below_the_scenes_own_settings_and_survives_a_round_trip(scene_file, tmp_path):
@@ -47,18 +40,13 @@ def with_deformer(scene_file, deformer, setting="iterations = 3", more=""):
     [
         ("volume", "", "", r"deformer: must be .*, not 'volume'; .*paths, pbd, none"),
         ("paths", "velocity_kept = 1.0", "", r"solver.velocity_kept: deformer 'paths' has no such setting"),
-        (
-            "none",
-            "iterations = 3",
-            "",
-            r"solver.iterations: deformer 'none' has no such setting; remove it",
-        ),
+        ("none", "iterations = 3", "", r"solver.iterations: deformer 'none' has no such setting; remove it"),
         ("paths", "", 'quality = "published"\n', r"quality: 'published' is a preset of deformer 'pbd'"),
         (
             "none",
             "",
             'muscle_contact = "on"\n',
-            r"muscle_contact: 'on' needs deformed muscles, but deformer is 'none'",
+            r"muscle_contact: 'on' needs deformed .*, but deformer is 'none'",
         ),
     ],
 )
@@ -69,8 +57,7 @@ def test_settings_of_another_deformer_are_refused(scene_file, deformer, setting,
 
 def ran(scene_file, out, *options):
     """Return the output and the report of a run of two frames."""
-    arguments = ["run", scene_file, "--out", out, "--frames", "0:2", "--no-figures", *options]
-    run = CliRunner().invoke(app, list(map(str, arguments)), catch_exceptions=False)
+    run = vtkmuscle_("run", scene_file, "--out", out, "--frames", "0:2", "--no-figures", *options)
     return run, json.loads((out / "report.json").read_text()) if run.exit_code == 0 else {}
 
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import vtkmuscle_
 from tiny_scene import write_tiny_scene
-from typer.testing import CliRunner
 
 import vtkmuscle
 from vtkmuscle import Scene, phantoms
-from vtkmuscle.cli import FAILED, app
+from vtkmuscle.cli import FAILED
 from vtkmuscle.run.store import ResultFolder
 
 
@@ -173,8 +173,8 @@ def test_what_cannot_be_meant_is_refused(scene, call, words):
 
 def test_the_command_writes_the_table_and_ends_with_the_status_of_the_worst(tmp_path):
     good, out = write_tiny_scene(tmp_path / "good"), tmp_path / "out"
-    command = ("cohort", good, tmp_path / "none.toml", "--out", out, "--frames", "0:1", "--workers", "1")
-    done = CliRunner().invoke(app, [str(word) for word in command], catch_exceptions=False)
+    options = "--frames", "0:1", "--workers", "1"
+    done = vtkmuscle_("cohort", good, tmp_path / "none.toml", "--out", out, *options)
     assert done.exit_code == FAILED
     assert "none.toml" in done.stderr
     assert f"wrote {out / 'cohort.csv'}, 2 rows" in done.stdout

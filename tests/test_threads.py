@@ -1,11 +1,10 @@
 """Pipelines in several Python threads of one process, seen in a child process: a crash is a result too."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from commands import python
 
 import vtkmuscle
 
@@ -66,11 +65,7 @@ print("same")
 
 @pytest.mark.slow
 def test_two_pipelines_in_two_threads_give_what_they_give_one_after_the_other():
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=False, timeout=900
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.strip() == "same"
+    assert python("-c", SCRIPT).stdout.strip() == "same"
 
 
 def test_no_kernel_uses_a_threading_layer_of_numba():

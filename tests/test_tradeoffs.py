@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from commands import vtkmuscle_
 from tiny_scene import write_tiny_scene
-from typer.testing import CliRunner
 
 import vtkmuscle
-from vtkmuscle.cli import app
 from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.tradeoffs import ALL, ERRORS
 
@@ -67,14 +66,10 @@ def test_finished_runs_are_read_again_and_table_and_figure_are_written(measured)
 def test_the_command_prints_the_table_and_the_cheapest_setting(tmp_path):
     scene = write_tiny_scene(tmp_path)
     settings = ["--vary", "deformer=none", "--vary", "quality=preview,balanced", "--frames", "0:2"]
-    done = CliRunner().invoke(
-        app, ["tradeoff", str(scene), "--out", str(tmp_path / "out"), *settings, "--within", "5"]
-    )
+    done = vtkmuscle_("tradeoff", scene, "--out", tmp_path / "out", *settings, "--within", "5")
     assert done.exit_code == 0, done.output
     assert "moment arm" in done.output
     assert "deformer = none, quality = " in done.output
-    bad = CliRunner().invoke(
-        app, ["tradeoff", str(scene), "--out", str(tmp_path / "bad"), "--vary", "fibres"]
-    )
+    bad = vtkmuscle_("tradeoff", scene, "--out", tmp_path / "bad", "--vary", "fibres")
     assert bad.exit_code == 2
     assert "--vary: 'fibres' is no pair" in bad.stderr

@@ -4,11 +4,10 @@ import json
 
 import numpy as np
 import pytest
+from commands import vtkmuscle_
 from tiny_scene import ellipsoid, write_tiny_scene
-from typer.testing import CliRunner
 
 from vtkmuscle import Scene, hinge
-from vtkmuscle.cli import app
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.core.moment_arms.levers import even_stretches, largest_turns, length_jumps
@@ -18,15 +17,7 @@ from vtkmuscle.filters import PathDeformer
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report_values import DEFINITIONS
-from vtkmuscle.run.verdict import (
-    BEYOND,
-    CHECKS,
-    FULL_SIZE,
-    LONGEST,
-    SHORTEST,
-    judge,
-    reasons_of,
-)
+from vtkmuscle.run.verdict import BEYOND, CHECKS, FULL_SIZE, LONGEST, SHORTEST, judge, reasons_of
 
 #: What a good frame has.
 GOOD = {
@@ -381,8 +372,7 @@ def going_astray(monkeypatch, *, at, quiet=False):
 
 
 def run(path, out, *options):
-    arguments = ["run", str(path), "--out", str(out), "--workers", "1", *options]
-    return CliRunner().invoke(app, arguments, catch_exceptions=False)
+    return vtkmuscle_("run", path, "--out", out, "--workers", "1", *options)
 
 
 def test_a_good_run_is_ok_and_says_so(scene_file, tmp_path):

@@ -29,6 +29,12 @@ JOINTS = {
         "coordinates": ["lower"],
     },
 }
+#: The joints of a model of OpenSim in their place.
+OPENSIM = {
+    "bodies": {"proximal": "ground", "middle": "femur", "distal": "tibia"},
+    "frame": "femur",
+    "fixed": "femur",
+}
 
 
 def save_strap(folder, *, n_fibres=8, resolution=20):

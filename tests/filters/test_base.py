@@ -1,12 +1,11 @@
 """The base of filters: declarations, errors, connections, time."""
 
 import inspect
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 import pyvista as pv
+from commands import python
 from vtkmodules.vtkCommonCore import vtkObject
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
@@ -197,8 +196,7 @@ assert execution_model.Pipeline is pipeline
 assert all(set(vars(kind)) == names for kind, names in kept.items())
 assert set(sys.meta_path) == set(finders)
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    python("-c", script)
 
 
 # -------------------------------------------------------------------- errors

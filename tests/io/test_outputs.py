@@ -6,10 +6,10 @@ import subprocess
 import sys
 
 import pytest
-from typer.testing import CliRunner
+from commands import vtkmuscle_
 
 from vtkmuscle import Scene
-from vtkmuscle.cli import BAD_INPUT, app
+from vtkmuscle.cli import BAD_INPUT
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.io import write_polydata, write_text
 from vtkmuscle.io.writing import LOCK, RECORD, Outputs
@@ -106,10 +106,6 @@ def test_a_killed_command_goes_on(tmp_path, move):
     write(tmp_path, a="2", b="2", c="2")
     assert texts(tmp_path) == dict.fromkeys("abc", "2")
     assert {path.name for path in tmp_path.iterdir()} <= {"sub", RECORD, LOCK}
-
-
-def vtkmuscle_(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def refused(done, words):

@@ -5,11 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from commands import vtkmuscle_
 from vtkmodules.vtkIOGeometry import vtkSTLWriter
 
 import vtkmuscle
-from vtkmuscle.cli import app
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.data.arrays import (
     blocks_of,
@@ -48,7 +47,7 @@ def files(tmp_path):
 
 
 def init(*arguments):
-    return CliRunner().invoke(app, ["init", *map(str, arguments)])
+    return vtkmuscle_("init", *arguments)
 
 
 def test_a_scene_is_drawn_up_that_runs(files, tmp_path):

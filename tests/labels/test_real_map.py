@@ -1,10 +1,9 @@
 """A real map of a pelvis, and a real hip: what comes of them in one command."""
 
 import pytest
-from typer.testing import CliRunner
+from commands import vtkmuscle_
 
 import vtkmuscle
-from vtkmuscle.cli import app
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.data.arrays import blocks_of, checked_surface
 from vtkmuscle.filters import LabelSurfaces
@@ -35,7 +34,7 @@ def test_all_labels_are_closed_and_manifold(label_map):
 
 
 def test_a_real_map_becomes_a_scene(label_map, tmp_path):
-    done = CliRunner().invoke(app, ["from-labels", str(label_map), "--out", str(tmp_path)])
+    done = vtkmuscle_("from-labels", label_map, "--out", tmp_path)
     assert done.exit_code == 0, done.output
     scene = vtkmuscle.Scene.load(tmp_path / "scene.toml")
     assert {"gluteus_minimus_left", "gluteus_minimus_right", "iliopsoas_left"} <= set(scene.muscles)
@@ -51,8 +50,8 @@ def test_a_real_map_becomes_a_scene(label_map, tmp_path):
 
 
 def test_a_real_hip_is_drawn_up_from_its_meshes(lhdl_hip, tmp_path):
-    files = sorted(map(str, [*(lhdl_hip / "bones").glob("*.vtp"), *(lhdl_hip / "muscles").glob("*.vtp")]))
-    done = CliRunner().invoke(app, ["init", *files, "--out", str(tmp_path)])
+    files = [*(lhdl_hip / "bones").glob("*.vtp"), *(lhdl_hip / "muscles").glob("*.vtp")]
+    done = vtkmuscle_("init", *files, "--out", tmp_path)
     assert done.exit_code == 0, done.output
     scene = vtkmuscle.Scene.load(tmp_path / "scene.toml")
     assert len(scene.muscles) == 4

@@ -5,9 +5,8 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from commands import vtkmuscle_
 
-from vtkmuscle.cli import app
 from vtkmuscle.joints.functions import IDENTITY, PiecewiseLinear, Polynomial
 from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.opensim import MuscleOut, check_model, export, osim_of, read_osim
@@ -71,18 +70,18 @@ def test_a_model_is_repaired_with_the_paths_of_a_scene(ran, tmp_path):
     path = PointPath([PathPoint("proximal", (0, 0.1, 0)), via, PathPoint("distal", (0, -0.1, 0))])
     properties = {"max_isometric_force": 700.0, "optimal_fiber_length": 0.07, "tendon_slack_length": 0.2}
     (tmp_path / "bad.osim").write_text(osim_of(tree, [MuscleOut("theirs", path, properties)]))
-    said = CliRunner().invoke(app, ["check", str(tmp_path / "bad.osim"), "--out", str(tmp_path / "bad.html")])
+    said = vtkmuscle_("check", tmp_path / "bad.osim", "--out", tmp_path / "bad.html")
     assert "theirs: length jumps by" in said.output
     assert "theirs,upper,length jumps," in (tmp_path / "bad.csv").read_text()
     assert "<svg" in (tmp_path / "bad.html").read_text()
-    repair = ["--repair", str(tmp_path / "new.osim"), "--scene", str(results)]
-    call = ["check", str(tmp_path / "bad.osim"), "--out", str(tmp_path / "new.html"), *repair]
-    said = CliRunner().invoke(app, [*call, "--replace", "strap=theirs"])
+    repair = "--repair", tmp_path / "new.osim", "--scene", results
+    call = "check", tmp_path / "bad.osim", "--out", tmp_path / "new.html", *repair
+    said = vtkmuscle_(*call, "--replace", "strap=theirs")
     assert said.exit_code == 0, said.output
     new = read_osim(tmp_path / "new.osim").muscle("theirs")
     assert {name: new.parameters[name] for name in properties} == pytest.approx(properties)
     assert not [one for one in check_model(tmp_path / "new.osim").findings if one.what == "length jumps"]
-    assert CliRunner().invoke(app, call).exit_code != 0  # replaces what?
+    assert vtkmuscle_(*call).exit_code != 0  # replaces what?
 
 
 @pytest.mark.slow
@@ -134,8 +133,8 @@ def test_a_wrapped_ligament_beside_a_plugins_force_is_opensims(tmp_path):
     (tmp_path / "leg.osim").write_text(text)
     found = check_model(tmp_path / "leg.osim")
     assert (found.by_opensim, found.not_checked) == (("m",), ())
-    call = ["check", str(tmp_path / "leg.osim"), "--out", str(tmp_path / "page.html"), "--json"]
-    assert json.loads(CliRunner().invoke(app, call).stdout)["by_opensim"] == ["m"]
+    done = vtkmuscle_("check", tmp_path / "leg.osim", "--out", tmp_path / "page.html", "--json")
+    assert json.loads(done.stdout)["by_opensim"] == ["m"]
 
 
 def test_fibres_that_leave_their_range_are_found_where_they_are_longest(tmp_path):
@@ -159,16 +158,9 @@ def test_a_check_is_read_by_programs(tmp_path):
     """JSON, and an exit code for jumps above a size."""
     via = PathPoint("thigh", (0.08, 0.1, 0.0), only_in=("flexion", 0.3, 2.0))
     checked(tmp_path, via)
-    call = [
-        "check",
-        str(tmp_path / "leg.osim"),
-        "--out",
-        str(tmp_path / "page.html"),
-        "--json",
-        "--fail-above",
-    ]
-    done = CliRunner().invoke(app, [*call, "1"])
+    call = "check", tmp_path / "leg.osim", "--out", tmp_path / "page.html", "--json", "--fail-above"
+    done = vtkmuscle_(*call, "1")
     found = json.loads(done.stdout)
     assert (done.exit_code, found["muscles"], found["findings"][0]["what"]) == (1, ["m"], "length jumps")
     assert found["findings"][0]["pose"]["flexion"] == pytest.approx(np.degrees(0.3), abs=0.01)
-    assert CliRunner().invoke(app, [*call, "500"]).exit_code == 0
+    assert vtkmuscle_(*call, "500").exit_code == 0

@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 import osim_texts as texts
 import pytest
+from commands import vtkmuscle_
 from tiny_scene import HINGE, write_tiny_scene
 from two_joint_scene import save_strap, scene_with
-from typer.testing import CliRunner
 
 from vtkmuscle import InputError, Scene, SceneError
-from vtkmuscle.cli import app
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.io import read_surface
@@ -240,7 +239,7 @@ def test_a_mirrored_scene_is_not_exported(ran, tmp_path):
 
 
 def export_by_command(*words):
-    call = CliRunner().invoke(app, ["export", *map(str, words)])
+    call = vtkmuscle_("export", *words)
     return call.exit_code, " ".join(call.output.split())
 
 
@@ -269,23 +268,22 @@ def test_exports_and_checks_replace_their_own_files_only(ran, tmp_path):
     """A user's model, mesh or table stays, and a check does not replace its own model."""
     results, model = ran[0].parent / "results", tmp_path / "model.osim"
     for _ in range(2):
-        done = CliRunner().invoke(app, ["export", str(results), str(model)])
+        done = vtkmuscle_("export", results, model)
         assert done.exit_code == 0, done.output
     before = model.read_bytes()
     (tmp_path / "Geometry" / "middle.stl").write_text("mine")
-    call = ["export", str(results), str(model), "--groups", "2"]
-    done = CliRunner().invoke(app, call)
+    call = "export", results, model, "--groups", "2"
+    done = vtkmuscle_(*call)
     assert "middle.stl: the file exists" in done.output.replace("\n", "")
     assert (model.read_bytes(), (tmp_path / "Geometry" / "middle.stl").read_text()) == (before, "mine")
-    assert CliRunner().invoke(app, [*call, "--overwrite"]).exit_code == 0
+    assert vtkmuscle_(*call, "--overwrite").exit_code == 0
     assert model.read_bytes() != before
     before = model.read_bytes()
-    export = ["export", str(results), str(model), "--into", str(model)]
-    for arguments in (["check", str(model), "--out", str(model)], export):
-        done = CliRunner().invoke(app, [*arguments, "--overwrite"])
+    for arguments in (("check", model, "--out", model), ("export", results, model, "--into", model)):
+        done = vtkmuscle_(*arguments, "--overwrite")
         assert "would replace an input" in done.output.replace("\n", " ")
         assert model.read_bytes() == before
     (tmp_path / "page.csv").write_text("mine")
-    done = CliRunner().invoke(app, ["check", str(model), "--out", str(tmp_path / "page.html")])
+    done = vtkmuscle_("check", model, "--out", tmp_path / "page.html")
     assert done.exit_code == 2
     assert not (tmp_path / "page.html").exists()

@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from commands import python
 from typer.testing import CliRunner
 
 from vtkmuscle.cli import BAD_INPUT, app
@@ -26,13 +27,7 @@ def test_the_folder_gives_what_the_filters_need_and_no_vtk(tmp_path):
         "from importlib.util import find_spec\n"
         "print(find_spec('vtk'), find_spec('vtkmodules'))"
     )
-    done = subprocess.run(
-        [sys.executable, "-S", "-c", script],
-        env={"PYTHONPATH": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = python("-S", "-c", script, env={"PYTHONPATH": str(tmp_path)})
     assert done.stdout.split() == ["None", "None"]
 
 

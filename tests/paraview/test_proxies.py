@@ -1,12 +1,11 @@
 """ParaView's properties against the declarations they are made from."""
 
 import json
-import subprocess
-import sys
 from functools import cache
 from xml.etree.ElementTree import fromstring
 
 import pytest
+from commands import python
 
 from vtkmuscle.filters import (
     Filter,
@@ -169,8 +168,7 @@ def test_filters_and_plugin_import_neither_pyvista_nor_paraview():
         "[s.shell_of(kind, 'm') for kind in s.all_kinds()]\n"
         "print(json.dumps(sorted(sys.modules)))"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    modules = json.loads(done.stdout)
+    modules = json.loads(python("-c", script).stdout)
     loaded = {name.partition(".")[0] for name in modules}
     assert "vtkmuscle" in loaded
     assert not loaded & {"pyvista", "paraview", "matplotlib", "vtk", "typer", "rich"}

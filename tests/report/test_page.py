@@ -6,10 +6,9 @@ import re
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from commands import vtkmuscle_
 
 from vtkmuscle import Result
-from vtkmuscle.cli import app
 from vtkmuscle.report import page_of
 from vtkmuscle.report.data import Pack, curves_of
 
@@ -45,10 +44,10 @@ def test_a_run_writes_its_page_and_a_result_read_back_writes_the_same(run_folder
 
 def test_the_command_writes_it_again(run_folder, tmp_path):
     out, _ = run_folder
-    answer = CliRunner().invoke(app, ["report", str(out), "--out", str(tmp_path / "new.html")])
+    answer = vtkmuscle_("report", out, "--out", tmp_path / "new.html")
     assert answer.exit_code == 0, answer.output
     assert (tmp_path / "new.html").stat().st_size > 1e5
-    refused = CliRunner().invoke(app, ["report", str(tmp_path)])
+    refused = vtkmuscle_("report", tmp_path)
     assert refused.exit_code != 0
 
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
-from shapes import box, distance_to_box, sphere
+from shapes import box, distance_to_box, rigid, sphere
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.contact import BoneContact, PoseContact
@@ -27,13 +26,6 @@ def keep_out(bones, p, *, rest=None, transforms=STILL, free=None, clearance=0.0,
     contact = BoneContact(bones, rest, free, clearance)
     moved = PoseContact(contact, transforms, [], np.zeros(3) if centre is None else centre).keep_out(p)
     return p, moved
-
-
-def rigid(rng):
-    transform = np.eye(4)
-    transform[:3, :3] = Rotation.random(random_state=rng).as_matrix()
-    transform[:3, 3] = rng.uniform(-100, 100, 3)
-    return transform
 
 
 def on_unit_sphere(rng, count):

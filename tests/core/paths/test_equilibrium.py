@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import pyvista as pv
-from scipy.spatial.transform import Rotation
+from shapes import rigid
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.paths.bone_contact import PUSH as BONE_PUSH
@@ -171,9 +171,7 @@ def test_the_load_of_a_ball_is_the_slope_of_its_force(rng):
     ways /= np.linalg.norm(ways, axis=2, keepdims=True)
     depth = rng.uniform(0.2, 1.0, (2, 200, 1))
     contacts = BoneContacts([(0, bone)], np.full((1, 2, 200), 6.0), 10.0)
-    transforms = np.eye(4)[None].copy()
-    transforms[0, :3, :3] = Rotation.random(random_state=rng).as_matrix()
-    transforms[0, :3, 3] = 5.0, -40.0, 70.0
+    transforms = rigid(rng)[None]
     x = transforms[0, :3, 3] + (36.0 - depth) * ways
     near = contacts.proximity(transforms)
     contacts.update(x, near)

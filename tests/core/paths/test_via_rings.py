@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from shapes import rigid
 
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.paths.via_rings import (
@@ -21,16 +21,9 @@ STAR = np.array(
 )
 
 
-def pose(rng):
-    transform = np.eye(4)
-    transform[:3, :3] = Rotation.random(random_state=rng).as_matrix()
-    transform[:3, 3] = rng.normal(size=3) * 50
-    return transform
-
-
 def test_a_ring_has_the_plane_of_its_landmarks_wherever_it_is(rng):
     for _ in range(10):
-        transform = pose(rng)
+        transform = rigid(rng)
         ring = via_ring(apply_transform(transform, np.add(SQUARE, [7.0, 0.0, 3.0])))
         np.testing.assert_allclose(ring.centre, (transform @ [7.0, 0.0, 3.0, 1.0])[:3], atol=1e-9)
         np.testing.assert_allclose(ring.normal, transform[:3, 2], atol=1e-12)
@@ -79,8 +72,8 @@ def test_inside_is_where_the_winding_number_says(corners, rng):
 
 
 def test_a_ring_that_a_bone_takes_along_is_that_of_its_moved_landmarks(rng):
-    transform = pose(rng)
-    landmarks = apply_transform(pose(rng), SQUARE)
+    transform = rigid(rng)
+    landmarks = apply_transform(rigid(rng), SQUARE)
     moved, made = moved_ring(via_ring(landmarks), transform), via_ring(apply_transform(transform, landmarks))
     points = made.centre + rng.uniform(-4.0, 4.0, (100, 3))
     np.testing.assert_allclose(moved.centre, made.centre, atol=1e-9)

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from shapes import rigid
 
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template import (
@@ -32,13 +33,6 @@ def cloud(seed):
     return rng.normal(size=(60, 3)) * [5.0, 9.0, 30.0], rng
 
 
-def rigid(seed):
-    transform = np.eye(4)
-    transform[:3, :3] = Rotation.random(random_state=seed).as_matrix()
-    transform[:3, 3] = np.random.default_rng(seed).normal(size=3) * 200
-    return transform
-
-
 def rectangle(low, high):
     return np.array([(low[0], low[1], low[2]), (high[0], low[1], low[2]), high, (low[0], high[1], high[2])])
 
@@ -57,7 +51,7 @@ def ends(points):
 def test_a_block_is_met_exactly():
     points = block()
     for seed in range(4):
-        move = rigid(seed)
+        move = rigid(np.random.default_rng(seed))
         moved = apply_transform(move, points)
         found = fit(moved, moved[points[:, 2] == 0], moved[points[:, 2] == SIDES[2]])
         sides = np.linalg.norm(found.transform[:3, :3], axis=0)
