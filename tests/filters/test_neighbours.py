@@ -71,6 +71,16 @@ def test_a_neighbour_that_is_far_away_changes_nothing(spindle):
     np.testing.assert_array_equal(points_of(beside), alone)
 
 
+def test_another_neighbour_counts_by_its_own_depth_at_rest(spindle):
+    still, moved = pressing(), multiblock_from({"ball": pressing()})
+    add_arrays(still, points={"Displacement": np.zeros((still.GetNumberOfPoints(), 3))})
+    deformer = chain(spindle, multiblock_from({"ball": still}))
+    deformer.update(time=1.0)
+    deformer.neighbours = moved
+    fresh = points_of(chain(spindle, moved).update(time=1.0).output)
+    np.testing.assert_array_equal(points_of(deformer.update(time=1.0).output), fresh)
+
+
 #: The second muscle is beside the bones that it is said to be on.
 BESIDE_ITS_BONES = pytest.mark.filterwarnings("ignore:scene. muscles.front.* the landmarks are")
 

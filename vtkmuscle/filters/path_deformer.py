@@ -15,6 +15,7 @@ from vtkmuscle.data.arrays import Polylines, add_arrays, state_of
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
 from vtkmuscle.data.muscle_geometry import Neighbours, Surface
 from vtkmuscle.data.paths import PathLines
+from vtkmuscle.data.pipeline_times import state_of_inputs
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 from vtkmuscle.filters.base.parameters import quality_of
 from vtkmuscle.filters.deformer import deformed_muscle
@@ -155,7 +156,9 @@ class PathDeformer(Filter):
         made_from = fixed, rest, rest_bones.shapes, self.bone_clearance
         with errors_at("muscle"):
             carried = self.once("carried", made_from, CarriedMuscle)
-        beside = self.once("neighbours", (fixed.points,), Neighbours)
+        port = self._number_of("neighbours")
+        upstream = state_of_inputs(self, [] if neighbours is None else [port])
+        beside = self.once("neighbours", (fixed.points, upstream), lambda rest, _: Neighbours(rest))
 
         def posed(*_: Any) -> CarriedPose:
             near, report = beside.at(neighbours), self.report_progress
