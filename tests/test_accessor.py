@@ -45,6 +45,7 @@ def test_methods_give_what_the_filters_give(spindle, mesh):
     assert np.array_equal(
         last.points, fixed.muscle.deformed(bones, spindle.motion, time=40.0, iterations=2).points
     )
+    assert fibres.muscle.tubes(radius=0.5, sides=6).n_points > 7 * 16 * 6
 
 
 def test_landmarks_may_be_given_by_role(spindle, mesh):

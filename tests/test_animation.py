@@ -82,6 +82,15 @@ def test_another_suffix_is_refused(result, tmp_path):
 
 
 @pytest.mark.optional
+def test_a_format_that_is_not_written_is_refused_before_the_scene_is_run(tmp_path, monkeypatch):
+    pytest.importorskip("pxr", reason="the extra usd is not installed")
+    Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=6).save(tmp_path)
+    monkeypatch.setattr(Scene, "run", None)
+    done = vtkmuscle_("export", tmp_path / "scene.toml", tmp_path / "run.usdz")
+    assert "an animation is a file of USD" in " ".join(done.output.split())
+
+
+@pytest.mark.optional
 def test_the_command_line_replaces_its_own_animation_only(result, tmp_path):
     pytest.importorskip("pxr", reason="the extra usd is not installed")
     out = tmp_path / "run.usda"

@@ -68,11 +68,6 @@ def test_sizes_are_within_the_budget():
 
 #: Functions with more parameters than seven, and why.
 LONG_SIGNATURES = {
-    "cli.results.check",  # a parameter per option, as typer has it
-    "cli.results.export",
-    "cli.results.from_labels",
-    "cli.results.init",
-    "cli.running.tradeoff",
     "phantoms.phantom.phantom_from",  # the fields of a phantom
     "pipelines.__init__.__init__",  # the inputs of a pipeline
     "pipelines.__init__.deform",  # the inputs of a deformer

@@ -149,6 +149,13 @@ def test_info_says_and_draws_what_it_understood_of_landmarks(tmp_path):
     assert (tmp_path / "origin.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_info_says_what_it_understood_of_a_motion(tmp_path):
+    (tmp_path / "walk.mot").write_text("w\ninDegrees=yes\nendheader\ntime knee\n0 1\n1 60\n")
+    said = vtkmuscle_("info", tmp_path / "walk.mot").stdout
+    assert "degrees" in said
+    assert "knee (1 .. 60)" in said
+
+
 def test_ctrl_c_that_a_callback_swallows_ends_the_command_later(monkeypatch):
     monkeypatch.setattr(options, "_pressed", threading.Event())
     with pytest.raises(typer.Exit) as ended, one_clear_error(None):  # noqa: PT012

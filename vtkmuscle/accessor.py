@@ -12,7 +12,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, joined_triangles, polylines_from
 from vtkmuscle.data.attachments import AttachmentArea, landmarks_of
-from vtkmuscle.filters import FibreMetrics, FixedPointDetector
+from vtkmuscle.filters import FibreMetrics, FibreTubes, FixedPointDetector
 from vtkmuscle.pipelines import decompose, deform
 from vtkmuscle.plotting.plotters import MovingScene
 
@@ -138,6 +138,10 @@ class MuscleAccessor:
         lines = self._mesh if lines_alone else fibres
         scene = MovingScene(named, muscles, {} if lines is None else {"muscle": lines}, off_screen=off_screen)
         return scene.plotter.show() if show else scene.plotter
+
+    def tubes(self, **parameters: Any) -> Any:
+        """Return tubes around polylines. By :class:`~vtkmuscle.filters.FibreTubes`."""
+        return FibreTubes(**parameters).apply(self._mesh)
 
 
 def _area(role: str, landmarks: Any) -> AttachmentArea:

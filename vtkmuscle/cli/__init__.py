@@ -142,8 +142,8 @@ def info(
 ) -> None:
     """Describe meshes: size, topology, pieces, volume, likely unit.
 
-    Landmarks: number, ring, frame. OpenSim models: bodies, joints, coordinates, muscles. Folders of results:
-    frames.
+    Landmarks: number, ring, frame. OpenSim models: bodies, joints, coordinates, muscles. Motions: columns.
+    Folders of results: frames.
     """
     from vtkmuscle.cli.info import draw_landmarks, facts_of
 

@@ -1,4 +1,4 @@
-"""``vtkmuscle info``: facts about meshes, results, landmarks and models."""
+"""``vtkmuscle info``: facts about meshes, results, landmarks, models and motions."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import joined_triangles, points_of, triangles_of
 from vtkmuscle.io import read_landmarks, read_named_points, read_polydata
 from vtkmuscle.io.surfaces import stated_frame
+from vtkmuscle.joints.osim import read_motion_file
 from vtkmuscle.labels.draft import likely_unit
 from vtkmuscle.labels.guesses import LOOK
 from vtkmuscle.opensim.model import OsimModel, read_osim
 from vtkmuscle.run.store import ResultFolder
 
-#: Suffixes of landmarks.
-LANDMARKS = (".csv", ".json", ".fcsv", ".nrrd")
+#: Suffixes of landmarks and of motions.
+LANDMARKS, MOTIONS = (".csv", ".json", ".fcsv", ".nrrd"), (".mot", ".sto")
 #: Longest list of names that is printed whole.
 _MOST = 12
 
@@ -31,6 +32,8 @@ def facts_of(file: Path) -> Mapping[str, str]:
     suffix = file.suffix.lower()
     if suffix in LANDMARKS:
         return _of_landmarks(file)
+    if suffix in MOTIONS:
+        return _of_motion(file)
     return _of_model(read_osim(file)) if suffix == ".osim" else _of_mesh(file)
 
 
@@ -70,6 +73,15 @@ def _of_landmarks(file: Path) -> dict[str, str]:
         "frame": f"{found.frame}, turned to LPS" if found.frame == "RAS" else found.frame or "not said",
         "bounds": _bounds(points),
     }
+
+
+def _of_motion(file: Path) -> dict[str, str]:
+    found = read_motion_file(file)
+    units = {True: "degrees", False: "radians", None: "not said"}
+    columns = zip(found.labels, found.table.T, strict=True)
+    ranges = [f"{label} ({column.min():.4g} .. {column.max():.4g})" for label, column in columns]
+    rows = f"{len(found.times)}, {found.times[0]:g} .. {found.times[-1]:g} s"
+    return {"rows": rows, "angles": units[found.degrees], "columns": _listed(ranges)}
 
 
 def _of_model(model: OsimModel) -> dict[str, str]:

@@ -37,23 +37,28 @@ def out_option(metavar: str, help: str) -> Any:  # noqa: A002 -- typer's word
 
 OutOption = Annotated[Path | None, out_option("PATH", "Folder to write to.")]
 FolderOption = Annotated[Path, out_option("PATH", "Folder to write to.")]
-FreshOption = Annotated[bool, Option("--fresh", help="Compute finished muscles again.")]
 FramesOption = Annotated[str | None, Option(metavar="A:B", help="Frames, from 0, without B. Default: all.")]
 LiteratureOption = Annotated[Path | None, Option(metavar="CSV", help="Published moment arms.")]
 OverwriteOption = Annotated[bool, Option("--overwrite", help="Replace files of other origin; never inputs.")]
 QuietOption = Annotated[bool, Option("--quiet", "-q", help="Print errors and warnings only.")]
-WorkersOption = Annotated[int | None, Option(metavar="N", min=1, help="Processes; default: all cores.")]
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunArguments:
-    """The options of commands that run a single scene."""
+class CohortOptions:
+    """The options of commands that run scenes."""
 
     frames: FramesOption = None
-    workers: WorkersOption = None
-    fresh: FreshOption = False
+    workers: Annotated[int | None, Option(metavar="N", min=1, help="Processes; default: all cores.")] = None
+    report: Annotated[bool, Option("--report/--no-report", help="Write report.html.")] = False
+    fresh: Annotated[bool, Option("--fresh", help="Compute finished muscles again.")] = False
     overwrite: OverwriteOption = False
     quiet: QuietOption = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunArguments(CohortOptions):
+    """The options of commands that run a single scene."""
+
     figures: Annotated[bool, Option("--figures/--no-figures", help="Draw figures.")] = True
     report: Annotated[bool, Option("--report/--no-report", help="Write report.html.")] = True
     only: Annotated[str | None, Option(metavar="lengths|moment_arms|surfaces", help="This alone.")] = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from json import dumps
@@ -23,18 +24,27 @@ if TYPE_CHECKING:
     from vtkmuscle.opensim.checking import ModelCheck
 
 
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions:
+    """The options of an export of muscles."""
+
+    form: Annotated[str, Option(help="For OpenSim: functions, or points.")] = "functions"
+    groups: Annotated[int, Option(min=1, help="For OpenSim: groups of fibres per muscle, at most.")] = 1
+    into: Annotated[Path | None, Option(help="For OpenSim: a model to put the muscles into.")] = None
+    replace: Annotated[list[str] | None, Option(metavar="OURS=THEIRS", help="A muscle to replace.")] = None
+    specific_tension: Annotated[float, Option(help="Force per cross-section, in N/cm^2.")] = 60.0
+    mass: Annotated[list[str] | None, Option(metavar="BODY=KG", help="Mass of a new body.")] = None
+    geometry_only: Annotated[bool, Option("--geometry-only", help="Paths alone.")] = False
+    tubes: Annotated[bool, Option("--tubes", help="For USD: fibres as meshes of tubes.")] = False
+    overwrite: shared.OverwriteOption = False
+
+
+@shared.with_options
 def export(
     source: Annotated[Path, Argument(help="Folder of a run's results, or a scene.toml.")],
     out: Annotated[Path, Argument(help=".osim; .xml for MuJoCo; .usd, .usdc or .usda for an animation.")],
-    form: Annotated[str, Option(help="For OpenSim: functions, or points.")] = "functions",
-    groups: Annotated[int, Option(min=1, help="For OpenSim: groups of fibres per muscle, at most.")] = 1,
-    into: Annotated[Path | None, Option(help="For OpenSim: a model to put the muscles into.")] = None,
-    replace: Annotated[list[str] | None, Option(metavar="OURS=THEIRS", help="A muscle to replace.")] = None,
-    specific_tension: Annotated[float, Option(help="Force per cross-section, in N/cm^2.")] = 60.0,
-    mass: Annotated[list[str] | None, Option(metavar="BODY=KG", help="Mass of a new body.")] = None,
-    geometry_only: Annotated[bool, Option("--geometry-only", help="Paths alone.")] = False,
-    tubes: Annotated[bool, Option("--tubes", help="For USD: fibres as meshes of tubes.")] = False,
-    overwrite: shared.OverwriteOption = False,
+    *,
+    options: ExportOptions,
 ) -> None:
     """Export the muscles of a scene with joints to OpenSim or MuJoCo, or a run's frames to USD.
 
@@ -43,22 +53,16 @@ def export(
     has bones, muscles and fibres, for Blender.
     """
     if out.suffix.lower().startswith(".usd"):
-        with io.Outputs.for_file(out, [source], overwrite=overwrite):
-            finished = source.is_dir()
-            result = (
-                vtkmuscle.Result.load(source) if finished else vtkmuscle.Scene.load(source).run(figures=False)
-            )
-            result.write_usd(out, tubes=tubes)
-        typer.echo(f"wrote {out}, with {len(result.frames)} frames")
+        _animate(source, out, options)
         return
     from vtkmuscle.opensim import check_model
     from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
 
-    settings: dict[str, Any] = {"form": form} if out.suffix.lower() == ".osim" else {}
-    settings |= {"kind": GEOMETRY_ONLY} if geometry_only else {}
-    settings |= {"into": into, "groups": groups, "specific_tension": specific_tension, "overwrite": overwrite}
-    masses = {body: _kilograms(text) for body, text in pairs(mass, "--mass").items()}
-    for muscle in vtkmuscle.export(source, out, replace=pairs(replace), masses=masses, **settings):
+    names = ["into", "overwrite", "groups", "specific_tension", *["form"] * (out.suffix.lower() == ".osim")]
+    settings: dict[str, Any] = {name: getattr(options, name) for name in names}
+    settings |= {"kind": GEOMETRY_ONLY} if options.geometry_only else {}
+    masses = {body: _kilograms(text) for body, text in pairs(options.mass, "--mass").items()}
+    for muscle in vtkmuscle.export(source, out, replace=pairs(options.replace), masses=masses, **settings):
         typer.echo(f"{muscle.out.name}: {muscle}")
         if parameters := muscle.out.parameters:
             typer.echo("  " + ", ".join(f"{name} {value:.4g}" for name, value in parameters.items()))
@@ -67,6 +71,18 @@ def export(
         typer.echo("The model is not checked: install the extra mujoco, and run vtkmuscle check.")
     else:
         _say(check_model(out))
+
+
+def _animate(source: Path, out: Path, options: ExportOptions) -> None:
+    """Write the animation of a run, or of a scene, which is run first."""
+    from vtkmuscle.run.animation import check_format
+
+    check_format(out)  # before a run
+    with io.Outputs.for_file(out, [source], overwrite=options.overwrite):
+        finished = source.is_dir()
+        result = vtkmuscle.Result.load(source) if finished else vtkmuscle.Scene.load(source).run()
+        result.write_usd(out, tubes=options.tubes)
+    typer.echo(f"wrote {out}, with {len(result.frames)} frames")
 
 
 def _say(checked: ModelCheck) -> None:
@@ -103,17 +119,26 @@ def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, s
     return names
 
 
+@dataclass(frozen=True, kw_only=True)
+class CheckOptions:
+    """The options of a check of a model."""
+
+    repair: Annotated[Path | None, Option(help="Write the model with a scene's paths.")] = None
+    scene: Annotated[Path | None, Option(help="For --repair: a scene.toml, or its results.")] = None
+    replace: Annotated[list[str] | None, Option(metavar="OURS=THEIRS", help="For --repair.")] = None
+    fail_above: Annotated[float | None, Option(metavar="MM", help="Exit with 1 above this size.")] = None
+    json: Annotated[bool, Option("--json", help="Print findings as JSON.")] = False
+    overwrite: shared.OverwriteOption = False
+
+
+@shared.with_options
 def check(
     model: Annotated[Path, Argument(help="A model of OpenSim (.osim) or MuJoCo (.xml).")],
     out: Annotated[
         Path | None, shared.out_option("HTML", "The page. Default: MODEL_check.html here.")
     ] = None,
-    repair: Annotated[Path | None, Option(help="Write the model with a scene's paths.")] = None,
-    scene: Annotated[Path | None, Option(help="For --repair: a scene.toml, or its results.")] = None,
-    replace: Annotated[list[str] | None, Option(metavar="OURS=THEIRS", help="For --repair.")] = None,
-    fail_above: Annotated[float | None, Option(metavar="MM", help="Exit with 1 above this size.")] = None,
-    json: Annotated[bool, Option("--json", help="Print findings as JSON.")] = False,
-    overwrite: shared.OverwriteOption = False,
+    *,
+    options: CheckOptions,
 ) -> None:
     """Find jumps and sign changes in a model's muscles, and fibres out of their range.
 
@@ -124,28 +149,29 @@ def check(
         raise InputError(model, "this is no model of muscles", "a run checks a scene: vtkmuscle run")
     from vtkmuscle.opensim import check_model
 
+    repair, scene, replace = options.repair, options.scene, options.replace
     if (repair is None) != (scene is None) or (repair is not None and not replace):
         raise InputError("--repair", "a repair takes a scene and muscles", "give --scene and --replace too")
     if repair is not None and model.suffix.lower() == ".xml":
         raise InputError("--repair", "a repair is of a model of OpenSim", "give an .osim file")
     page = out or Path(f"{model.stem}_check.html")
-    pages = io.Outputs.for_file(page, [model, scene], overwrite=overwrite)
+    pages = io.Outputs.for_file(page, [model, scene], overwrite=options.overwrite)
     pages.check(page.with_suffix(".csv"))
     if repair is not None and scene is not None:
-        theirs = pairs(replace)
+        theirs, overwrite = pairs(replace), options.overwrite
         for new in vtkmuscle.export(scene, repair, into=model, replace=theirs, overwrite=overwrite):
-            typer.echo(f"{new.out.name}: {new}", err=json)
+            typer.echo(f"{new.out.name}: {new}", err=options.json)
         model = repair
     checked = check_model(model)
     with pages:
         table = checked.write(page)
-    if json:
+    if options.json:
         typer.echo(dumps(checked.to_dict(), indent=1))
     else:
         _say(checked)
         typer.echo(f"wrote {page}, {table}")
     sizes = [1000.0 * finding.size for finding in checked.findings if "fibre" not in finding.what]
-    if fail_above is not None and max(sizes, default=0.0) > fail_above:
+    if options.fail_above is not None and max(sizes, default=0.0) > options.fail_above:
         raise typer.Exit(shared.FAILED)
 
 
@@ -211,15 +237,24 @@ def compare(
 FrameOption = Annotated[str, Option("--frame", metavar="LPS|RAS", help="Frame: x to the left, or right.")]
 
 
+@dataclass(frozen=True, kw_only=True)
+class LabelOptions:
+    """The options of a scene from labels."""
+
+    names: Annotated[str | None, Option(help="musclemap, a task of TotalSegmentator, or a .csv.")] = None
+    edge: Annotated[float | None, Option(help="Edges [mm]. Default: 2 voxels, at most 3 mm.")] = None
+    frame: FrameOption = "LPS"
+    overwrite: shared.OverwriteOption = False
+    quiet: shared.QuietOption = False
+
+
+@shared.with_options
 def from_labels(
     label_map: Annotated[Path, Argument(metavar="MAP", help="A .nii.gz, .nrrd, .mha or .dcm, or a folder.")],
     out: shared.FolderOption,
     landmarks: Annotated[list[Path] | None, Argument(help="Files MUSCLE_origin or MUSCLE_insertion.")] = None,
-    names: Annotated[str | None, Option(help="musclemap, a task of TotalSegmentator, or a .csv.")] = None,
-    edge: Annotated[float | None, Option(help="Edges [mm]. Default: 2 voxels, at most 3 mm.")] = None,
-    frame: FrameOption = "LPS",
-    overwrite: shared.OverwriteOption = False,
-    quiet: shared.QuietOption = False,
+    *,
+    options: LabelOptions,
 ) -> None:
     """Make a scene from a segmentation: surfaces, attachment areas, fitted joints.
 
@@ -227,28 +262,38 @@ def from_labels(
     tendon is drawn to landmarks beyond a muscle's label. A muscle that fails is reported with the reason; the
     scene has the remaining muscles.
     """
-    settings: dict[str, Any] = {"names": names, "edge": edge, "frame": frame, "overwrite": overwrite}
-    settings |= {"landmarks": landmarks or (), "announce": partial(shared.say, quiet)}
-    _tell(vtkmuscle.from_labels(label_map, out, **settings), quiet)
+    settings: dict[str, Any] = {**vars(options), "landmarks": landmarks or ()}
+    quiet = settings.pop("quiet")
+    _tell(vtkmuscle.from_labels(label_map, out, announce=partial(shared.say, quiet), **settings), quiet)
 
 
+@dataclass(frozen=True, kw_only=True)
+class InitOptions:
+    """The options of a scene from meshes."""
+
+    bone: Annotated[list[str] | None, Option(metavar="NAME", help="A bone.")] = None
+    muscle: Annotated[list[str] | None, Option(metavar="NAME", help="A muscle.")] = None
+    repair: Annotated[bool, Option("--repair", help="Close small holes of muscles.")] = False
+    frame: FrameOption = "LPS"
+    overwrite: shared.OverwriteOption = False
+    quiet: shared.QuietOption = False
+
+
+@shared.with_options
 def init(
     files: Annotated[list[Path], Argument(help="Meshes, and landmarks MUSCLE_origin or MUSCLE_insertion.")],
     out: shared.FolderOption = Path(),
-    bone: Annotated[list[str] | None, Option(metavar="NAME", help="A bone.")] = None,
-    muscle: Annotated[list[str] | None, Option(metavar="NAME", help="A muscle.")] = None,
-    repair: Annotated[bool, Option("--repair", help="Close small holes of muscles.")] = False,
-    frame: FrameOption = "LPS",
-    overwrite: shared.OverwriteOption = False,
-    quiet: shared.QuietOption = False,
+    *,
+    options: InitOptions,
 ) -> None:
     """Write a scene.toml from meshes and landmarks, guessing missing input.
 
     Names identify bones and muscles, sizes the unit, contact or landmarks the areas, fits to bones the
     joints. guesses.csv and comments in scene.toml list each guess with a confidence.
     """
-    named = {"bones": bone or (), "muscles": muscle or ()}
-    _tell(vtkmuscle.init(files, out, frame=frame, repair=repair, overwrite=overwrite, **named), quiet)
+    settings: dict[str, Any] = {name: getattr(options, name) for name in ("frame", "repair", "overwrite")}
+    settings |= {"bones": options.bone or (), "muscles": options.muscle or ()}
+    _tell(vtkmuscle.init(files, out, **settings), options.quiet)
 
 
 def _tell(draft: Draft, quiet: bool) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -109,14 +109,12 @@ def _progress_bars(muscles: list[str], *, quiet: bool) -> Iterator[Callable[[str
         yield show
 
 
+@shared.with_options
 def cohort(
     scenes: Annotated[list[Path], Argument(help="The scene.toml of each subject.")],
     out: shared.FolderOption,
-    frames: shared.FramesOption = None,
-    workers: shared.WorkersOption = None,
-    fresh: shared.FreshOption = False,
-    overwrite: shared.OverwriteOption = False,
-    quiet: shared.QuietOption = False,
+    *,
+    options: shared.CohortOptions,
 ) -> None:
     """Run the scenes of many subjects, and write a table of muscles.
 
@@ -128,18 +126,20 @@ def cohort(
             failed = row["verdict"] == "failed"
             words = [row["subject"], row["muscle"], row["verdict"], row["message"]]
             line = shared.one_line(": ".join(word for word in words if word))
-            shared.print_error(line) if failed else shared.say(quiet, line)
+            shared.print_error(line) if failed else shared.say(options.quiet, line)
 
-    settings: dict[str, Any] = {"workers": workers, "frames": frames, "fresh": fresh, "overwrite": overwrite}
+    names = ("workers", "frames", "report", "fresh", "overwrite")
+    settings = {name: getattr(options, name) for name in names}
     table = vtkmuscle.cohort([str(scene) for scene in scenes], out, progress=show, **settings)
-    shared.say(quiet, f"wrote {out / 'cohort.csv'}, {len(table['muscle'])} rows")
+    shared.say(options.quiet, f"wrote {out / 'cohort.csv'}, {len(table['muscle'])} rows")
     if "failed" in table["verdict"]:
         raise typer.Exit(shared.FAILED)
 
 
-def tradeoff(
-    scene: Annotated[Path, Argument(help="A scene.toml.")],
-    out: shared.FolderOption,
+@dataclass(frozen=True, kw_only=True)
+class TradeoffOptions:
+    """The options of a comparison of settings."""
+
     vary: Annotated[
         list[str] | None,
         Option(
@@ -148,12 +148,20 @@ def tradeoff(
             "combinations are run. "
             "Default: deformer=none,paths,pbd and quality=preview,balanced,accurate.",
         ),
-    ] = None,
-    within: Annotated[float | None, Option(metavar="MM", help="Print the cheapest setting within.")] = None,
-    frames: shared.FramesOption = None,
-    workers: Annotated[int, Option(metavar="N", min=1, help="Processes; several disturb the times.")] = 1,
-    overwrite: shared.OverwriteOption = False,
-    quiet: shared.QuietOption = False,
+    ] = None
+    within: Annotated[float | None, Option(metavar="MM", help="Print the cheapest setting within.")] = None
+    frames: shared.FramesOption = None
+    workers: Annotated[int, Option(metavar="N", min=1, help="Processes; several disturb the times.")] = 1
+    overwrite: shared.OverwriteOption = False
+    quiet: shared.QuietOption = False
+
+
+@shared.with_options
+def tradeoff(
+    scene: Annotated[Path, Argument(help="A scene.toml.")],
+    out: shared.FolderOption,
+    *,
+    options: TradeoffOptions,
 ) -> None:
     """Measure speed against accuracy of a scene's settings: a table and a figure.
 
@@ -164,28 +172,28 @@ def tradeoff(
 
     from vtkmuscle.tradeoffs import ALL, ERRORS, TRIED
 
-    varied = pairs(vary, "--vary")
+    varied = pairs(options.vary, "--vary")
     settings = {name: [_value(text) for text in texts.split(",")] for name, texts in varied.items()}
 
     def show(rows: Sequence[Mapping[str, Any]]) -> None:
         shared.stop_if_interrupted()
         words = [str(value) for name, value in rows[0].items() if name in (*settings, *TRIED, "limit")]
-        shared.say(quiet, f"{', '.join(words)}: {rows[0]['message'] or rows[0]['verdict']}")
+        shared.say(options.quiet, f"{', '.join(words)}: {rows[0]['message'] or rows[0]['verdict']}")
 
-    kept: dict[str, Any] = {"frames": frames, "workers": workers, "overwrite": overwrite}
+    kept: dict[str, Any] = {name: getattr(options, name) for name in ("frames", "workers", "overwrite")}
     found = vtkmuscle.tradeoff(vtkmuscle.Scene.load(scene), out, progress=show, **kept | settings)
     whole, shown = found.table.where(muscle=ALL), (*found.settings, "verdict", "ms", *ERRORS)
     headings = (name.removesuffix("_rms_mm").replace("_", " ") for name in shown)
     table = Table(*headings, box=None, caption="ms a pose; errors: RMS in mm, of the worst muscle")
     for row in zip(*(whole[name] for name in shown), strict=True):
         table.add_row(*(f"{cell:.3g}" if isinstance(cell, float) else str(cell) for cell in row))
-    if not quiet:
+    if not options.quiet:
         Console().print(table)
-    if within is not None:
-        best = found.cheapest(within)
+    if options.within is not None:
+        best = found.cheapest(options.within)
         typer.echo(", ".join(f"{name} = {best[name]}" for name in found.settings), nl=False)
         typer.echo(f": {best['ms']:.3g} ms a pose, error {best['error_mm']:.2g} mm")
-    shared.say(quiet, f"wrote {out / 'tradeoff.csv'}, {out / 'tradeoff.png'}")
+    shared.say(options.quiet, f"wrote {out / 'tradeoff.csv'}, {out / 'tradeoff.png'}")
 
 
 def _value(text: str) -> int | float | str:

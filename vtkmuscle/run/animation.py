@@ -40,12 +40,18 @@ def write_usd(result: ResultData, path: Path, *, tubes: bool) -> None:
 
     Bones have moving transforms, and muscles moving points.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(str(path), "an animation is a file of USD", f"end its name in {', '.join(SUFFIXES)}")
+    check_format(path)
     with TemporaryDirectory() as folder, replacing(path) as new:
         drawn = Path(folder) / f"animation{path.suffix.lower()}"  # USD goes by the suffix
         _draw(result, drawn, tubes)
         shutil.copyfile(drawn, new)
+
+
+def check_format(path: Path) -> None:
+    """Raise an InputError for a file that is not of USD, and an ImportError without usd-core."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(str(path), "an animation is a file of USD", f"end its name in {', '.join(SUFFIXES)}")
+    optional_package("pxr.Usd", "USD", "usd-core")
 
 
 def _draw(result: ResultData, path: Path, tubes: bool) -> None:
