@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from dataclasses import replace as with_changes
+from itertools import product
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,14 +25,17 @@ from vtkmuscle.io.writing import Outputs, file_digest, write_with
 from vtkmuscle.joints.tree import KinematicTree
 from vtkmuscle.opensim import export_parts as parts
 from vtkmuscle.opensim.export_parts import ExportedMuscle
-from vtkmuscle.opensim.fitted_paths import fit_length, fit_points, rms
+from vtkmuscle.opensim.fitted_paths import PARTS, fit_length, fit_points, rms
 from vtkmuscle.opensim.mjcf import mjcf_of
 from vtkmuscle.opensim.model import checked_model
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PointPath, moment_arm
 from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
+from vtkmuscle.run.frames import RunOptions
 from vtkmuscle.run.result import Result
+from vtkmuscle.run.steps import paths_alone, run_scene
 from vtkmuscle.run.table import Table
-from vtkmuscle.scene.data import MILLIMETRES, SceneError, SceneFiles, parsed
+from vtkmuscle.run.verdict import FAILED
+from vtkmuscle.scene.data import MILLIMETRES, SceneError, SceneFiles, errors_at, parsed
 from vtkmuscle.scene.joints import SceneJoints, coordinate_values, joints_of, pin_joint_of
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scenes import Scene
@@ -38,6 +43,8 @@ from vtkmuscle.scenes import Scene
 #: Root mean square error of a point path in lengths and moment arms [m] above which a cylinder is added,
 #: below the accuracy of meshes and landmarks.
 TOLERANCE = 0.5e-3
+#: Change of a coordinate that counts as none [rad, m or the scene's unit].
+_STILL = 1e-9
 _FORMS = ("functions", "points")
 #: Class of a path without muscle properties in OpenSim.
 GEOMETRY_ONLY = "PathActuator"
@@ -89,6 +96,8 @@ def export(
 ) -> list[ExportedMuscle]:
     """Write the muscles of a scene with joints to OpenSim or MuJoCo, and return them with errors.
 
+    Muscles that failed in the run are left out, with a warning.
+    Where the motion does not move a coordinate that a muscle crosses, paths are computed in further poses.
     Next to the model are ``NAME_errors.csv`` and, for a new model, meshes of bones and muscles in
     ``Geometry``. In MuJoCo muscles are tendons with actuators.
 
@@ -113,9 +122,10 @@ def export(
     Raises
     ------
     OSError, SceneError, ValueError
-        For another ending of the file; if the scene has no joints or is mirrored; if a muscle failed, has no
-        fibres, crosses a constant coordinate or leaves no tendon; if the model is not of version 4; or for
-        joints that MuJoCo lacks, see :func:`~vtkmuscle.opensim.mjcf_of`.
+        For another ending of the file; if the scene has no joints or is mirrored; if a muscle has no fibres,
+        crosses a constant coordinate without a range where no coordinate of its unit moves, or leaves
+        no tendon; if the model is not of version 4; or for joints that MuJoCo lacks, see
+        :func:`~vtkmuscle.opensim.mjcf_of`.
     """
     path, model, names = Path(out), None if into is None else Path(into), dict(replace or {})
     is_osim, asked = path.suffix.lower() == ".osim", Export(**options)
@@ -137,7 +147,7 @@ def export(
             problem = f"the scene has no muscle {unknown[0]!r}"
             raise InputError("", problem, f"its muscles are {', '.join(run.scene.muscles)}")
         muscles: list[ExportedMuscle] = []
-        for name in run.result.lengths:
+        for name in (name for name in run.result.lengths if name in run.poses):
             hill = parts.opensim_properties(run.scene.muscles[name].hill, run.metres)
             fixed = {**reused.get(name, {}), **hill, **asked.parameters.get(name, {})}
             label, points = names.get(name, name), asked.form == "points" or not is_osim
@@ -149,7 +159,8 @@ def export(
             text = osim_of(tree, outs, name=name, masses=asked.masses, meshes=_write_meshes(run, path.parent))
         else:
             meshes = _write_meshes(run, path.parent)
-            lengths = {each.name: each.path.lengths(run.tree, run.values) for each in outs}
+            poses = {each.out.name: run.poses[each.muscle].values for each in muscles}
+            lengths = {out.name: out.path.lengths(run.tree, poses[out.name]) for out in outs}
             text = mjcf_of(tree, outs, name=name, masses=asked.masses, meshes=meshes, lengths=lengths)
         write_text(path, text)
         errors = [(each.out.name, *item) for each in muscles for item in each.errors.items()]
@@ -159,28 +170,39 @@ def export(
         return muscles
 
 
+class _Poses(NamedTuple):
+    """Paths of a muscle by a result, with the coordinates' values (f,) in metres and radians."""
+
+    result: Result
+    values: dict[str, Floats]
+
+
 class _Run(NamedTuple):
     """A run of a scene with joints.
 
-    ``tree`` is in metres, ``values`` (f,) are its coordinates, ``metres`` is the scene's unit of length. By
-    muscle, ``ends`` are the bodies of origin and insertion, ``crossed`` the crossed coordinates.
+    ``tree`` is in metres, ``metres`` is the scene's unit of length. By muscle, ``ends`` are the bodies of
+    origin and insertion, ``crossed`` the crossed coordinates, and ``poses`` those of the result, or of a run
+    of paths alone that moves further coordinates.
     """
 
     scene: Scene
     result: Result
     joints: SceneJoints
     tree: KinematicTree
-    values: dict[str, Floats]
     metres: float
     ends: dict[str, tuple[str, str]]
     crossed: dict[str, tuple[str, ...]]
+    poses: dict[str, _Poses]
 
     @property
     def ranged(self) -> KinematicTree:
         """The tree with the ranges of the run's poses, beyond which the paths are not fitted."""
-        poses = {each: (float(column.min()), float(column.max())) for each, column in self.values.items()}
-        moved = {name: span for name, span in poses.items() if name in self.tree.free and span[0] < span[1]}
-        own = [with_changes(q, range=moved.get(q.name, q.range)) for q in self.tree.coordinates]
+        own = []
+        for q in self.tree.coordinates:
+            columns = [poses.values[q.name] for poses in self.poses.values() if q.name in poses.values]
+            every = np.concatenate(columns) if columns and q.name in self.tree.free else np.zeros(1)
+            span = float(every.min()), float(every.max())
+            own.append(with_changes(q, range=span if span[0] < span[1] else q.range))
         return with_changes(self.tree, coordinates=own)
 
 
@@ -213,32 +235,80 @@ def _run_of(source: Path, result: Result | None) -> _Run:
         ends[name] = (joints.bodies[bones["origin"]], joints.bodies[bones["insertion"]])
         on_way = tree.crossed(ends[name])
         crossed[name] = tuple(each for each in on_way if muscle.crosses is None or each in muscle.crosses)
-        if still := [each for each in crossed[name] if each not in values or np.ptp(values[each]) < 1e-9]:
-            grid = ", ".join(f"{each} = [FIRST, LAST, STEP]" for each in crossed[name])
-            problem = f"the motion does not move {', '.join(still)}, crossed by muscle {name!r}"
-            remedy = f"extend the motion, e.g. grid = {{ {grid} }}, or shorten muscles.{name}.crosses"
-            raise SceneError(problem, "motion", remedy, path)
+    frames = slice(None) if result is None else list(result.frames)
+    values = {name: column[frames] for name, column in values.items()}
+    moving = [name for name, column in values.items() if np.ptp(column) > _STILL]
+    still = {name: tuple(each for each in on_way if each not in moving) for name, on_way in crossed.items()}
+    with errors_at("motion", path, "extend the motion, or shorten the crosses of the muscles"):
+        moved = {names: _with_moves(joints.tree, values, names) for names in dict.fromkeys(still.values())}
     result = result or scene.run(figures=False)
-    now = {name: factors[name] * column[list(result.frames)] for name, column in values.items()}
-    return _Run(scene, result, joints, tree, now, metres, ends, crossed)
+    whole = [name for name, verdict in result.verdicts.items() if verdict != FAILED]
+    if left_out := [name for name in result.verdicts if name not in whole]:
+        warnings.warn(f"left out of the model: {', '.join(left_out)}, failed in the run", stacklevel=4)
+    poses: dict[str, _Poses] = {}
+    for names, columns in moved.items():
+        measured, muscles = result, [muscle for muscle in whole if still[muscle] == names]
+        if names and muscles:
+            motion = joints.motion_of(np.arange(float(len(columns[names[0]]))), columns)
+            alone = paths_alone(scene.with_muscles(*muscles), motion=motion)
+            measured = run_scene(alone, None, RunOptions(figures=False, sense=False))
+        now = {name: factors[name] * column for name, column in columns.items()}
+        poses |= dict.fromkeys(muscles, _Poses(measured, now))
+    return _Run(scene, result, joints, tree, metres, ends, crossed, poses)
+
+
+def _with_moves(tree: KinematicTree, values: Mapping[str, Floats], still: Sequence[str]) -> dict[str, Floats]:
+    """Return a run's poses, and some of these with coordinates of ``still`` on either side of their values.
+
+    A coordinate moves within its range, and no farther than the run moves another coordinate of the unit. Of
+    a polynomial, lengths and slopes at three values determine five orders.
+    """
+    count = len(next(iter(values.values())))
+    poses = {name: np.full(count, tree.coordinate(name).rest) for name in still} | dict(values)
+    levels = []
+    for name in still:
+        own, here = tree.coordinate(name), poses[name][0]
+        spans = [np.ptp(column) for each, column in values.items() if tree.coordinate(each).unit == own.unit]
+        half = 0.5 * max(spans, default=0.0) or np.inf
+        low, high = own.range or (-np.inf, np.inf)
+        ends = max(low, here - half), min(high, here + half)
+        if not np.isfinite(ends).all():
+            raise InputError(name, "the motion does not move it, and it has no range", "give it a range")
+        levels.append(sorted({here, *ends}))
+    chosen = np.unique(np.linspace(0, count - 1, PARTS).round().astype(int))
+    blocks: dict[str, list[Floats]] = {name: [] for name in poses}
+    for at in product(*levels):
+        moved = {name: np.full(count, value) for name, value in zip(still, at, strict=True)}
+        rows = chosen if any(moved[name][0] != poses[name][0] for name in still) else slice(None)
+        for name, column in (poses | moved).items():
+            blocks[name].append(column[rows])
+    return {name: np.concatenate(columns) for name, columns in blocks.items()}
 
 
 def _exported(
     run: _Run, name: str, label: str, fixed: Mapping[str, float], options: Export, *, points: bool
 ) -> Iterator[ExportedMuscle]:
     """Yield the groups of a muscle as paths, called by a label, with ``fixed`` properties completed."""
-    result, tree, values, lengths = run.result, run.tree, run.values, run.result.lengths[name]
-    if len(lengths) < len(result.frames):
-        raise InputError("", f"muscle {name!r} has {len(lengths)} of {len(result.frames)} frames")
+    tree, (measured, values) = run.tree, run.poses[name]
+    for each in (run.result, measured):
+        if len(each.lengths[name]) < len(each.frames):
+            computed = f"{len(each.lengths[name])} of {len(each.frames)} frames"
+            raise InputError("", f"muscle {name!r} has {computed}")
+    lengths, arms = measured.lengths[name], measured.moment_arms()[name]
+    # Where paths do not come to rest they have no lengths, and no moment arms.
+    kept = np.isfinite([lengths, *(arms[each].arms for each in run.crossed[name])]).all(axis=(0, 2))
+    values, lengths = {q: column[kept] for q, column in values.items()}, lengths[kept]
+    if not len(lengths):
+        raise InputError("", f"the paths of muscle {name!r} come to rest in no frame")
     rest = {q: np.clip([tree.coordinate(q).rest], column.min(), column.max()) for q, column in values.items()}
-    lines = _lines(run, name) if points else None
-    number_of, arms = group_fibres(lengths, options.groups), result.moment_arms()[name]
+    lines = _lines(run, name)[kept] if points else None
+    number_of = group_fibres(lengths, options.groups)
     units = {each: 1000.0 if tree.coordinate(each).is_angle else 1.0 for each in run.crossed[name]}
     for group in range(int(number_of.max()) + 1):
         members = number_of == group
         changes = (lengths - lengths.mean(axis=0))[:, members].T
         mean = lengths[:, members].mean(axis=1) / 1000.0
-        mean_arms = {at: arms[at].arms[:, members].mean(axis=1) / unit for at, unit in units.items()}
+        mean_arms = {at: arms[at].arms[kept][:, members].mean(axis=1) / unit for at, unit in units.items()}
         if lines is None:
             columns = {each: values[each] for each in mean_arms}
             path: FunctionPath | PointPath = fit_length(mean, columns, mean_arms)
@@ -247,7 +317,7 @@ def _exported(
             path = fit_points(line, tree, values, *fitted, tolerance=TOLERANCE)
         properties: dict[str, float] = {}
         if options.kind != GEOMETRY_ONLY:
-            architecture = result.report["muscles"][name]["architecture"]
+            architecture = run.result.report["muscles"][name]["architecture"]
             at_rest, share = float(path.lengths(tree, rest)[0]), mean.mean() / lengths.mean() * 1000.0
             of_path = at_rest, float(share), options.specific_tension
             properties = parts.completed_properties(fixed, architecture, name, *of_path)
@@ -262,11 +332,11 @@ def _exported(
 
 def _lines(run: _Run, name: str) -> Floats:
     """Return the fibre paths (f, n, p, 3) in the root's frame [m]."""
-    tree, joints = run.tree, run.joints
-    rest, now = tree.poses({}), tree.poses(run.values)
+    tree, joints, (measured, values) = run.tree, run.joints, run.poses[name]
+    rest, now = tree.poses({}), tree.poses(values)
     hold = rest[joints.fixed] @ inverses(now[joints.fixed])
     to_root = inverses(hold) @ rest[joints.frame]
-    points = np.array([run.metres * run.result.paths(name, frame=each).points for each in run.result.frames])
+    points = np.array([run.metres * measured.paths(name, frame=each).points for each in measured.frames])
     turns, shifts = to_root[:, None, :3, :3], to_root[:, None, None, :3, 3]
     return np.asarray(points @ turns.swapaxes(2, 3) + shifts)
 

@@ -131,12 +131,8 @@ def run_only(
     """
     if what not in ONLY:
         raise InputError("", f"only is {what!r}, but must be one of {', '.join(map(repr, ONLY))}")
-    if what != "surfaces":  # paths alone
-        fields_of = {field.name: getattr(scene, field.name) for field in fields(SceneData)}
-        quality = None if scene.quality == "published" else scene.quality
-        muscles = {name: replace(muscle, aponeuroses=()) for name, muscle in scene.muscles.items()}
-        changed = {"deformer": "none", "quality": quality, "muscle_contact": "off", "muscles": muscles}
-        scene = SceneData(**fields_of | changed)
+    if what != "surfaces":
+        scene = paths_alone(scene)
     elif scene.deformer == "none":
         raise InputError("deformer", "it is 'none', so there are no surfaces", "use 'paths' or 'pbd'")
     outputs = None if out is None else Outputs(Path(out), inputs=scene.files, overwrite=overwrite)
@@ -163,6 +159,15 @@ def run_only(
                 for number, at, surface in zip(numbers, result.times, frames_of, strict=True):
                     series.add(number, at, surface)
     return surfaces
+
+
+def paths_alone(scene: SceneData, **changes: Any) -> SceneData:
+    """Return a scene whose muscles are paths without surfaces, with changed attributes."""
+    fields_of = {field.name: getattr(scene, field.name) for field in fields(SceneData)}
+    quality = None if scene.quality == "published" else scene.quality
+    muscles = {name: replace(muscle, aponeuroses=()) for name, muscle in scene.muscles.items()}
+    own = {"deformer": "none", "quality": quality, "muscle_contact": "off", "muscles": muscles}
+    return SceneData(**fields_of | own | changes)
 
 
 #: Muscles that processes solve, by their jobs.
