@@ -7,6 +7,7 @@ import sys
 
 import pytest
 from commands import vtkmuscle_
+from slow import slow
 
 from vtkmuscle import Scene
 from vtkmuscle.cli import BAD_INPUT
@@ -96,7 +97,7 @@ with Outputs(Path(sys.argv[1])) as outputs:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs SIGKILL")
-@pytest.mark.parametrize("move", [1, 2, 3, 4])
+@pytest.mark.parametrize("move", [*slow(1, 2), 3, *slow(4)])
 def test_a_killed_command_goes_on(tmp_path, move):
     """Killed before the record, and before each file is moved: files are whole, and none is refused."""
     write(tmp_path, a="0", b="0", c="0")
@@ -120,7 +121,7 @@ def contents(folder):
 
 def test_init_keeps_landmarks_and_a_corrected_scene(tmp_path):
     """Landmarks where init would write its own are inputs; a scene that was corrected is the user's."""
-    phantom = hip(detail=0.4)
+    phantom = hip(detail=0.3)
     bones = dict(blocks_of(phantom.bones))
     surfaces = {"pelvis": bones["pelvis"], "femur": bones["femur"], "iliacus": phantom.muscles["iliacus"]}
     for name, surface in surfaces.items():
