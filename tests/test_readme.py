@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+
 import vtkmuscle
 
 ROOT = Path(__file__).parents[1]

@@ -26,7 +26,7 @@ def pieces_of(kind, femur):
 @pytest.mark.parametrize("kind", ["out of reach", "specks", "nested", "overlapping"])
 @pytest.mark.filterwarnings("ignore:.*facing|.*inside out:UserWarning")
 def test_a_phantom_runs_whatever_closed_pieces_its_femur_has(kind):
-    scene = Scene.from_phantom(phantoms.hip())
+    scene = Scene.from_phantom(phantoms.hip(detail=0.5))
     name = next(iter(scene.muscles))
     femur = pv.wrap(scene.bones["femur"])
     bones = {**scene.bones, "femur": pieces_of(kind, femur).extract_surface(algorithm=None)}
