@@ -83,10 +83,7 @@ def test_a_scene_keeps_its_aponeuroses_and_mirrors_them(saved):
             lambda muscle, scene: muscle["aponeuroses"].update(distal="none.vtp"),
             "muscles.block.aponeuroses.distal",
         ),
-        (
-            lambda muscle, scene: muscle.pop("fibres"),
-            "the muscle has aponeuroses, but no fibres",
-        ),
+        (lambda muscle, scene: muscle.pop("fibres"), "the muscle has aponeuroses, but no fibres"),
         (lambda muscle, scene: scene.update(deformer="none"), "aponeuroses need a deformed muscle"),
     ],
 )

@@ -16,14 +16,7 @@ from vtkmuscle.filters import (
     PathDeformer,
     TautPaths,
 )
-from vtkmuscle.paraview.proxies import (
-    FILES,
-    camel_case,
-    informations_of,
-    plain,
-    properties_of,
-    proxy_parts,
-)
+from vtkmuscle.paraview.proxies import FILES, camel_case, informations_of, plain, properties_of, proxy_parts
 from vtkmuscle.paraview.shells import all_kinds, shell_of
 
 KINDS = all_kinds()

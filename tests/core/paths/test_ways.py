@@ -7,15 +7,7 @@ ridge or snap; an edge or a roller has a point of a path more or less on it.
 
 import numpy as np
 import pytest
-from phantom_paths import (
-    AXIS,
-    HINGES,
-    angles,
-    known_paths,
-    strung_muscle,
-    strung_phantom,
-    turned,
-)
+from phantom_paths import AXIS, HINGES, angles, known_paths, strung_muscle, strung_phantom, turned
 from slow import slow
 
 from vtkmuscle import Scene
