@@ -19,7 +19,7 @@ settings.load_profile("untimed")
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 #: What the first and the second process begin with: at the end, one would wait for the other, or share it.
-FIRST = "test_two_joint_moment_arms.py", "test_scene_run.py"
+FIRST = "test_two_joint_moment_arms.py", "test_readme.py"
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -102,6 +102,8 @@ FAULTS = {
         r"block 'bar': 1 of 12 triangles faced the opposite side",
     ),
     "two overlapping": (joined(BAR, box([-30, 16, -5], [30, 30, 5], 80.0)), None),
+    "a speck out of reach": (joined(BAR, box([-1, 90, 90], [1, 91, 91], 80.0)), None),
+    "one in the other": (joined(BAR, box([-30, 16, 2], [30, 22, 8], 80.0)), None),
     "5 mm off with a fin": (
         (np.vstack([BAR[0], [[0.0, 50, 5]]]), np.vstack([BAR[1], [[0, 1, 8]]])),
         r"block 'bar': the surface is open",
