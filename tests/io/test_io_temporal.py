@@ -1,5 +1,6 @@
 """Time series come back from .pvd files as they went in, field data and all."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,24 @@ def test_parts_of_a_step_are_blocks(tmp_path):
     assert len(blocks) == 2
     assert np.array_equal(points_of(blocks[1]), points_of(frame(1)))
     assert steps_in(tmp_path / "ab.pvd") == 1
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows has no limit on files")
+def test_a_full_disk_leaves_the_collection_as_it_was(tmp_path):
+    import resource
+
+    series = Series(tmp_path, "m")
+    series.add(0, 0.0, frame(0))
+    before, limits = series.path.read_bytes(), resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) + 10, limits[1]))
+    try:
+        with pytest.raises(OSError, match="No space left"):
+            series.add_parts(1.0, {"m": tmp_path / "m" / "m_0000.vtp"})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert series.path.read_bytes() == before
+    series.add(1, 1.0, frame(1))
+    assert steps_in(series.path) == 2
 
 
 def test_a_fault_in_a_frame_leaves_the_finished_ones_and_no_part(tmp_path, monkeypatch):

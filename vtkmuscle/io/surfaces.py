@@ -18,7 +18,7 @@ from vtkmuscle.core.errors import InputError, check_is_file
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import joined_triangles, points_of, with_points
 from vtkmuscle.io.in_child import read_in_child, vtk_messages
-from vtkmuscle.io.writing import write_polydata, write_text
+from vtkmuscle.io.writing import insert_before, write_polydata, write_text
 from vtkmuscle.io.xml_elements import read_xml
 
 #: Readers of surfaces, and words in landmark files.
@@ -143,6 +143,14 @@ def _check_words(data: vtkPolyData, path: Path) -> None:
         raise InputError(path, f"the header requires {needed} numbers, but the file has {count}", _DAMAGED)
 
 
+#: Begin and end of a ParaView collection.
+_COLLECTION = """<?xml version="1.0"?>
+<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">
+  <Collection>
+"""
+_COLLECTION_END = "  </Collection>\n</VTKFile>\n"
+
+
 class Series:
     """Data over time: a ParaView collection ``NAME.pvd`` of files ``NAME/NAME_0000.vtp``.
 
@@ -151,7 +159,7 @@ class Series:
 
     def __init__(self, folder: Path, name: str) -> None:
         self.name, self.path = name, folder / f"{name}.pvd"
-        self._entries: list[str] = []
+        self._begun = False
 
     def add(self, frame: int, time: float, data: vtkPolyData) -> Path:
         """Write and list the data of a frame; return the file."""
@@ -162,13 +170,16 @@ class Series:
 
     def add_parts(self, time: float, parts: Mapping[str, Path]) -> None:
         """List existing files of a time step by name, in or below the folder of the .pvd."""
+        entries = ""
         for number, (name, file) in enumerate(parts.items()):
             relative = file.relative_to(self.path.parent).as_posix()
             names = f'part="{number}" name="{escape(name)}" file="{escape(relative)}"'
-            self._entries.append(f'    <DataSet timestep="{float(time)!r}" {names}/>\n')
-        head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
-        entries = "".join(self._entries)
-        write_text(self.path, f"{head}  <Collection>\n{entries}  </Collection>\n</VTKFile>\n")
+            entries += f'    <DataSet timestep="{float(time)!r}" {names}/>\n'
+        if self._begun:
+            insert_before(self.path, entries, _COLLECTION_END)
+        else:
+            write_text(self.path, f"{_COLLECTION}{entries}{_COLLECTION_END}")
+        self._begun = True
 
 
 def steps_in(collection: Path) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -121,6 +122,10 @@ class Outputs:
         partial.unlink(missing_ok=True)
         return partial
 
+    def written(self, path: Path) -> Path:
+        """Return where a file is that was written inside of the context."""
+        return self._staged[Path(os.path.abspath(path))]
+
     def __enter__(self) -> Outputs:
         remove_left_behind(self.folder)
         self._missing = [each for each in (self.folder, *self.folder.parents) if not each.exists()]
@@ -201,6 +206,21 @@ def write_text(path: Path, text: str) -> None:
     """Write a text file (UTF-8), all or nothing."""
     with replacing(path) as partial:
         partial.write_text(text, encoding="utf-8", newline="\n")
+
+
+def insert_before(path: Path, text: str, end: str) -> None:
+    """Insert text before the end of a text file of this command, in place; a full disk changes nothing."""
+    outputs, added, tail = _active.get(), text.encode(), end.encode()
+    with (path if outputs is None else outputs.written(path)).open("r+b", buffering=0) as file:
+        start = file.seek(-len(tail), os.SEEK_END)
+        try:
+            if file.write(added + tail) < len(added + tail):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        except BaseException:
+            file.seek(start)
+            file.write(tail)  # in its old place
+            file.truncate()
+            raise
 
 
 def write_json(path: Path, value: Any, **options: Any) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cached_property
+from mmap import ACCESS_COPY, mmap
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -223,7 +224,10 @@ class Bone:
                 problem = f"cells of {cell:g} mm are too small for the field of a bone of its size"
                 raise InputError(self.name, problem)
             cells *= 0.75
-        nodes, box = np.zeros(counts.astype(np.int64)), np.concatenate([low, high])
+        shape = counts.astype(np.int64)
+        # Memory of the system's own, small pages: numpy's large pages would be cleared whole for a few nodes.
+        memory = mmap(-1, 8 * int(shape.prod()), access=ACCESS_COPY)
+        nodes, box = np.frombuffer(memory).reshape(shape), np.concatenate([low, high])
         return reach, Field(nodes, first, box, cell, 1.0 / cell, np.zeros(2, dtype=np.int64))
 
     def _measured(self, field: Field, nodes: Floats) -> Floats:

@@ -250,7 +250,11 @@ class Solids:
 
     def distances(self, points: ArrayLike) -> Floats:
         """Return exact distances (n,) of points (n, 3), negative inside."""
-        return self.exact(points)[0]
+        positions = _checked(points)
+        least = np.full(len(positions), np.inf)
+        for tree in self._all:
+            tree.lower(least, positions, unsigned=tree is self.sheets)
+        return least
 
     def exact(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Return exact distances (n,) and directions away (n, 3). Distances are negative inside.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -47,10 +48,12 @@ class TriangleTree:
 
     @cached_property
     def _normals(self) -> tuple[Floats, Ints]:
-        return pseudonormals(self.points, self.triangles)
+        """Normals and rows of :func:`pseudonormals`, rows in the tree's order."""
+        normals, rows = pseudonormals(self.points, self.triangles)
+        return normals, rows[self.order]
 
     def _nearest(self, queries: Floats) -> tuple[Ints, Floats, Floats, Ints]:
-        """Return the nearest triangle, its nearest point, distance and region."""
+        """Return the nearest triangle in the tree's order, its nearest point, distance and region."""
         nearest, regions = np.zeros((2, len(queries)), dtype=np.int64)
         closest, distances = np.zeros((len(queries), 3)), np.zeros(len(queries))
         memory = np.empty(64, dtype=np.int64), np.empty(64)
@@ -58,19 +61,26 @@ class TriangleTree:
         search_tree(
             self.corners, self.boxes, self.leaves, queries, nearest, closest, distances, regions, *memory
         )
-        return self.order[nearest], closest, distances, regions
+        return nearest, closest, distances, regions
 
     def _sided(self, queries: Floats) -> tuple[Floats, Floats, Floats]:
         """Return signed distances, nearest points, and normals there. (q,), (q, 3) and (q, 3)."""
-        triangles, closest, distances, regions = self._nearest(queries)
+        nearest, closest, distances, regions = self._nearest(queries)
         normals, rows = self._normals
-        at_closest = normals[rows[triangles, regions]]
+        at_closest = normals[rows[nearest, regions]]
         inside = np.einsum("ij,ij->i", queries - closest, at_closest) < 0.0
         return np.where(inside, -distances, distances), closest, at_closest
 
+    def lower(self, distances: Floats, queries: Floats, *, unsigned: bool = False) -> None:
+        """Lower distances (q,) of points (q, 3) to the signed distances from the surface, in place."""
+        memory = np.empty(64, dtype=np.int64), np.empty(64)
+        arrays = self.corners, self.boxes, self.leaves, *self._normals
+        lower_distances(*arrays, unsigned, queries, distances, *memory)
+
     def nearest(self, queries: Floats) -> tuple[Ints, Floats, Floats]:
         """Return nearest triangles, nearest points, and distances >= 0. Of points (q, 3)."""
-        return self._nearest(queries)[:3]
+        nearest, closest, distances, _ = self._nearest(queries)
+        return self.order[nearest], closest, distances
 
     def signed(self, queries: Floats) -> tuple[Floats, Floats]:
         """Return distances (q,), negative inside, and nearest points (q, 3).
@@ -248,38 +258,73 @@ def search_tree(
     corners, boxes, leaves : of a :class:`TriangleTree`; queries, closest : (q, 3); nearest, distances,
     regions : (q,), triangles in the tree's order; stack, to_box : (64,), working memory, as deep as the tree.
     """
-    n_leaves = len(leaves) - 1
     guess = 0  # the last query's triangle: consecutive queries are neighbours along a fibre
     for q in range(len(queries)):
         x, y, z = queries[q, 0], queries[q, 1], queries[q, 2]
-        best = _distance2(corners[guess], x, y, z)
-        if not best >= 0.0:  # a triangle without area: its neighbours have its edges too
-            best = np.inf
-        stack[0], to_box[0], size = 0, 0.0, 1
-        while size:
-            size -= 1
-            node = stack[size]
-            if to_box[size] >= best:
-                continue
-            if node < n_leaves - 1:
-                left, right = 2 * node + 1, 2 * node + 2
-                to_left = distance2_to_box(boxes[left], x, y, z)
-                to_right = distance2_to_box(boxes[right], x, y, z)
-                if to_left < to_right:
-                    left, right, to_left, to_right = right, left, to_right, to_left
-                stack[size], to_box[size] = left, to_left
-                stack[size + 1], to_box[size + 1] = right, to_right
-                size += 2
-                continue
-            leaf = node - (n_leaves - 1)
-            for i in range(leaves[leaf], leaves[leaf + 1]):
-                distance2 = _distance2(corners[i], x, y, z)
-                if distance2 < best:
-                    best, guess = distance2, i
+        guess = _nearest_triangle(corners, boxes, leaves, x, y, z, guess, stack, to_box)
         nearest[q], at = guess, corners[guess]
         cx, cy, cz, regions[q] = nearest_on_triangle(x, y, z, at[0], at[1], at[2])
         closest[q, 0], closest[q, 1], closest[q, 2] = cx, cy, cz
         distances[q] = np.sqrt((cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2)
+
+
+@kernel
+def lower_distances(
+    corners: Floats, boxes: Floats, leaves: Ints, normals: Floats, rows: Ints, unsigned: bool,
+    queries: Floats, distances: Floats, stack: Ints, to_box: Floats,
+) -> None:  # fmt: skip
+    """Lower distances (q,) to the signed distances from a tree's surface, where these are less.
+
+    Arrays are as of :func:`search_tree`, and the normals and rows of the tree. ``unsigned`` distances are of
+    a surface without an inside.
+    """
+    guess = 0
+    for q in range(len(queries)):
+        x, y, z, best = queries[q, 0], queries[q, 1], queries[q, 2], distances[q]
+        if math.sqrt(distance2_to_box(boxes[0], x, y, z)) > max(best, 0.0):
+            continue
+        guess = _nearest_triangle(corners, boxes, leaves, x, y, z, guess, stack, to_box)
+        at = corners[guess]
+        cx, cy, cz, region = nearest_on_triangle(x, y, z, at[0], at[1], at[2])
+        x, y, z, normal = x - cx, y - cy, z - cz, normals[rows[guess, region]]
+        distance = math.sqrt(x * x + y * y + z * z)
+        if not unsigned and x * normal[0] + y * normal[1] + z * normal[2] < 0.0:
+            distance = -distance
+        distances[q] = min(distance, best)
+
+
+@kernel
+def _nearest_triangle(
+    corners: Floats, boxes: Floats, leaves: Ints, x: float, y: float, z: float, guess: int, stack: Ints,
+    to_box: Floats,
+) -> int:  # fmt: skip
+    """Return the triangle nearest to a position, in the tree's order; the search begins with a guess."""
+    n_leaves = len(leaves) - 1
+    best = _distance2(corners[guess], x, y, z)
+    if not best >= 0.0:  # a triangle without area: its neighbours have its edges too
+        best = np.inf
+    stack[0], to_box[0], size = 0, 0.0, 1
+    while size:
+        size -= 1
+        node = stack[size]
+        if to_box[size] >= best:
+            continue
+        if node < n_leaves - 1:
+            left, right = 2 * node + 1, 2 * node + 2
+            to_left = distance2_to_box(boxes[left], x, y, z)
+            to_right = distance2_to_box(boxes[right], x, y, z)
+            if to_left < to_right:
+                left, right, to_left, to_right = right, left, to_right, to_left
+            stack[size], to_box[size] = left, to_left
+            stack[size + 1], to_box[size + 1] = right, to_right
+            size += 2
+            continue
+        leaf = node - (n_leaves - 1)
+        for i in range(leaves[leaf], leaves[leaf + 1]):
+            distance2 = _distance2(corners[i], x, y, z)
+            if distance2 < best:
+                best, guess = distance2, i
+    return guess
 
 
 @kernel
