@@ -144,6 +144,14 @@ def test_attachments_may_be_estimated(scene_file, moving, tmp_path):
     assert all(area.estimated for area in (*areas, *again))
     for mine, yours in zip(areas, again, strict=True):
         np.testing.assert_allclose(mine.landmarks, yours.landmarks, atol=1e-9)
+    report = scene.run(frames="0:1", figures=False, sense=False).report["muscles"]["spindle"]
+    assert report["estimated_attachments"] == 2
+    assert 0.0 < report["attachment_confidence"] == min(area.confidence for area in areas) <= 0.64
+    # Two bones may be named, the bone of the origin first.
+    (still,) = {"lower", "upper"} - {moving}
+    edit(scene_file, '"estimate"', f'{{ estimate = ["{moving}", "{still}"] }}')
+    named = Scene.load(scene_file).muscles["spindle"].attachments
+    assert [(area.role, area.bone == moving) for area in named] == [("origin", True), ("insertion", False)]
 
 
 SHEETS = [[[0, 0, z], [1, 0, z], [1, 1, z], [0, 1, z]] for z in (0, 0.5, 1)]
@@ -285,6 +293,10 @@ FAULTS = [
     (f"  {ORIGIN},\n", "", AREAS, "role 'origin'", "or leave out fibres"),
     (LIST, "", AREAS, "role 'origin'", '= "estimate"'),
     (LIST, 'attachments = "guess"', AREAS, "must be a list", '"estimate"'),
+    (LIST, 'attachments = { estimate = ["upper"] }', AREAS, "must name two bones", ""),
+    (LIST, 'attachments = { guess = ["upper", "lower"] }', AREAS, "must name two bones", ""),
+    (LIST, 'attachments = { estimate = ["upper", "elbow"] }', AREAS, "no bone 'elbow'", ""),
+    (LIST, 'attachments = { estimate = ["upper", "upper"] }', AREAS, "both 'upper'", ""),
     (ORIGIN, "3", AREAS + "[0]", "must be a table", "format"),
     ('role = "origin"', 'role = "orgin"', AREAS + "[0].role", "not 'orgin'", "did you mean 'origin'"),
     (ORIGIN, ORIGIN.replace("upper", "uper"), AREAS + "[0].bone", "no bone 'uper'", "'upper'"),

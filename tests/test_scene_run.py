@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import pyvista
 from phantoms import flexor_over_brim
+from slow import slow
 from test_metamorphic import mapped
 from tiny_scene import write_tiny_scene
 
@@ -313,7 +314,7 @@ def test_frames_that_do_not_exist_are_refused(frames):
         frame_numbers(frames, 46)
 
 
-@pytest.mark.parametrize("unit", ["cm", pytest.param("m", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("unit", ["cm", *slow("m")])
 def test_a_scene_in_another_unit_reports_the_same_millimetres(unit):
     flexor, factor = Scene.from_phantom(flexor_over_brim(), n_fibres=6, resolution=6), 1.0 / MILLIMETRES[unit]
     settings = {"solver": {"bone_clearance": 1.0}, "fixing": {"method": "proximity", "distance": 3.0}}
