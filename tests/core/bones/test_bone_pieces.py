@@ -55,3 +55,9 @@ def test_crumbs_and_hollows_stay_with_the_largest_piece():
     hollow = meshed_box((3, 3, 3), (7, 7, 97), 2.0)
     bone = Bone(*union(meshed_box((0, 0, 0), (10, 10, 100), 2.0), crumb, hollow))
     assert bone.pieces == (bone,)
+
+
+def test_many_small_pieces_are_parts_of_the_first():
+    rods = [meshed_box((4.0 * i, 0, 0), (4.0 * i + 2.0, 2, 2), 2.0) for i in range(60)]
+    bone = Bone(*union(*rods))
+    assert bone.pieces == (bone,)

@@ -21,8 +21,8 @@ from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.sampling import space_order, uneven_weights
 from vtkmuscle.core.mesh.shared import shared
-from vtkmuscle.core.mesh.solids import FAR, Solids, solids_of, welded
-from vtkmuscle.core.mesh.surface import point_components, points_in_box, unique_edges
+from vtkmuscle.core.mesh.solids import FAR, Solids, closed_shells, solids_of
+from vtkmuscle.core.mesh.surface import points_in_box
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -88,27 +88,31 @@ class Bone:
         crumb, or a piece whose box is within the box of a larger piece, such as a hollow, stays with the
         largest.
         """
-        points, triangles = welded(self.points, self.triangles)
-        of_triangle = point_components(len(points), unique_edges(triangles))[triangles[:, 0]]
-        sizes = np.bincount(of_triangle)
+        with errors_at(self.name):
+            closed = closed_shells(self.points, self.triangles)
+        parts: list[list[Ints]] = []
         boxes: list[tuple[Floats, Floats]] = []
-        piece_of = np.zeros(len(sizes), dtype=np.int64)
-        for label in np.argsort(-sizes, kind="stable"):
-            corners = points[triangles[of_triangle == label]].reshape(-1, 3)
-            if sizes[label] < LEAST_PIECE * len(triangles):
-                break
-            low, high = corners.min(axis=0), corners.max(axis=0)
-            if not any((low >= least).all() and (high <= most).all() for least, most in boxes):
-                piece_of[label] = len(boxes)
+        least = LEAST_PIECE * sum(map(len, closed.shells))
+        for shell in sorted(closed.shells, key=len, reverse=True):
+            corners = closed.points[shell.reshape(-1)].T.copy()
+            low, high = corners.min(axis=1), corners.max(axis=1)
+            within = any((low >= lowest).all() and (high <= highest).all() for lowest, highest in boxes)
+            if parts and (within or len(shell) < least):
+                parts[0].append(shell)
+            else:
+                parts.append([shell])
                 boxes.append((low, high))
-        if len(boxes) == 1:
+        if len(parts) == 1:
             return (self,)
         pieces = []
-        for number in range(len(boxes)):
-            used, corners = np.unique(triangles[piece_of[of_triangle] == number], return_inverse=True)
-            piece = Bone(points[used], corners.reshape(-1, 3), cell=self.cell)
-            piece.name = self.name
-            pieces.append(piece)
+        for part in parts:
+            triangles = np.concatenate(part)
+            used = np.flatnonzero(np.bincount(triangles.reshape(-1)))
+            used = used[np.lexsort(closed.points[used].T[::-1])]  # the axes do not depend on the file's order
+            number_of = np.zeros(len(closed.points), dtype=np.int64)
+            number_of[used] = np.arange(len(used))
+            pieces.append(Bone(closed.points[used], number_of[triangles], cell=self.cell))
+            pieces[-1].name = self.name
         return tuple(pieces)
 
     @cached_property
