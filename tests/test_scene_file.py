@@ -25,19 +25,7 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.filters import PathDeformer, PBDDeformer, TautPaths
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.io import read_surface, write_polydata
-from vtkmuscle.scene.schema import (
-    Area,
-    Axis,
-    Hill,
-    Hinge,
-    JointTable,
-    Motion,
-    MuscleTable,
-    OpenSimTable,
-    Paths,
-    SceneTable,
-    Solver,
-)
+from vtkmuscle.scene import schema
 from vtkmuscle.scene.writing import tables_of
 
 
@@ -361,10 +349,20 @@ def test_all_files_that_cannot_be_read_are_said_at_once(scene_file):
 
 def test_every_key_says_what_it_is():
     of_deformers = PathDeformer.parameter_declarations | PBDDeformer.parameter_declarations
-    assert Solver.model_fields.keys() == of_deformers.keys()
-    assert Paths.model_fields.keys() == TautPaths.parameter_declarations.keys()
-    for table in (SceneTable, MuscleTable, Motion, Hinge, Area, JointTable, Axis, OpenSimTable, Hill):
-        assert all(field.description for field in table.model_fields.values())
+    assert schema.Solver.model_fields.keys() == of_deformers.keys()
+    assert schema.Paths.model_fields.keys() == TautPaths.parameter_declarations.keys()
+    for name in [
+        "SceneTable",
+        "MuscleTable",
+        "Motion",
+        "Hinge",
+        "Area",
+        "JointTable",
+        "Axis",
+        "OpenSimTable",
+        "Hill",
+    ]:
+        assert all(field.description for field in getattr(schema, name).model_fields.values())
 
 
 def test_faults_outside_the_keys_name_the_file(tmp_path, scene_file):
