@@ -19,7 +19,7 @@ settings.load_profile("untimed")
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 #: What the first and the second process begin with: at the end, one would wait for the other, or share it.
-FIRST = "test_two_joint_moment_arms.py", "test_scene_run.py"
+FIRST = "test_two_joint_moment_arms.py", "test_readme.py"
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -34,6 +34,23 @@ def _cache_of_its_own(tmp_path_factory):
             patch.setenv("NUMBA_CACHE_DIR", str(kernels))  # of child processes
             patch.setattr(numba.config, "CACHE_DIR", str(kernels))
         patch.setenv("VTKMUSCLE_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _templates_compiled_once():
+    """Compile the templates of pages once a process, not once a page: hundreds of runs write a page."""
+    import jinja2
+
+    compiled, compile_ = {}, jinja2.Environment.compile
+
+    def compiled_once(environment, *template):
+        if template not in compiled:
+            compiled[template] = compile_(environment, *template)
+        return compiled[template]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(jinja2.Environment, "compile", compiled_once)
         yield
 
 
@@ -149,7 +166,8 @@ def pytest_collection_modifyitems(config, items):
     half = max(0, len(items) // 2 - len(first))  # each is given half of all, and then what the other left
     items[:] = [*first, *rest[:half], *second, *rest[half:]]
     option = config.option
-    asked = {"slow": option.all or option.long, "long": option.long, "study": "study" in option.markexpr}
+    slow = option.all or option.long or option.extremes_table or option.tried_table
+    asked = {"slow": slow, "long": option.long, "study": "study" in option.markexpr}
     for item in items:
         for mark, how in LEFT_OUT.items():
             if item.get_closest_marker(mark) and not asked[mark]:

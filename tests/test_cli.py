@@ -13,6 +13,7 @@ import pytest
 import pyvista
 import typer
 from commands import python, vtkmuscle_
+from slow import slow
 from tiny_scene import HINGE, MOTION, ellipsoid
 from typer.testing import CliRunner
 
@@ -165,7 +166,7 @@ def test_ctrl_c_that_a_callback_swallows_ends_the_command_later(monkeypatch):
     assert ended.value.exit_code == INTERRUPTED
 
 
-@pytest.mark.parametrize("moment", ["in the middle", pytest.param("at the start", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("moment", ["in the middle", *slow("at the start")])
 def test_ctrl_c_leaves_the_finished_frames(moment, scene_file, tmp_path):
     scene_file.write_text(
         scene_file.read_text().replace(MOTION, HINGE.replace("[0, 20, 5]", "[0, 90, 0.05]"))
@@ -198,7 +199,7 @@ def test_ctrl_c_leaves_the_finished_frames(moment, scene_file, tmp_path):
         assert report["stopped_by"] == "KeyboardInterrupt"
 
 
-@pytest.mark.parametrize("module", ["numba.core.types.misc", "vtkmuscle.run.muscles"])
+@pytest.mark.parametrize("module", ["numba.core.types.misc", *slow("vtkmuscle.run.muscles")])
 def test_ctrl_c_while_libraries_are_loaded_is_one_line(module, scene_file, tmp_path):
     (tmp_path / "out").mkdir()
     command = [sys.executable, "-c", STOPPED_AS_IT_LOADS.format(module=module), "run", scene_file]

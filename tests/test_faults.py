@@ -6,6 +6,7 @@ import signal
 import time
 
 import pytest
+from commands import vtkmuscle_
 from faults import check_whole, ended, killed_at, results, small_disk, started
 from tiny_scene import write_tiny_scene
 
@@ -68,6 +69,7 @@ def test_kills_leave_no_damaged_file_and_the_same_command_the_same_result(
         assert not list(out.rglob(".*"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "number",
     [signal.SIGTERM, *(pytest.param(one, marks=pytest.mark.long) for one in (signal.SIGINT, signal.SIGHUP))],
@@ -112,11 +114,11 @@ def test_a_disk_that_runs_full_is_one_line_and_nothing_damaged(scene_file, tmp_p
     for kilobytes in sizes:
         with small_disk(tmp_path / "disk", kilobytes) as disk:
             out = disk / "out"
-            status, _, errors = ended(started("run", scene_file, "--out", out, *QUIET))
-            tried.add("a run on a disk that runs full", "refused" if status else "used")
-            if status == 0:
+            done = vtkmuscle_("run", scene_file, "--out", out, *QUIET)
+            tried.add("a run on a disk that runs full", "refused" if done.exit_code else "used")
+            if done.exit_code == 0:
                 continue
-            full(status, errors, out)
+            full(done.exit_code, done.stderr, out)
             assert not list(out.rglob(".*.partial"))
             check_whole(out)
             if (out / "report.json").exists():
@@ -126,5 +128,5 @@ def test_a_disk_that_runs_full_is_one_line_and_nothing_damaged(scene_file, tmp_p
 @pytest.mark.long
 def test_a_demo_on_a_full_disk_is_one_line(tmp_path):
     with small_disk(tmp_path / "disk", 100) as disk:
-        status, _, errors = ended(started("demo", "--out", disk / "demo", "--frames", "0:1", *QUIET))
-        full(status, errors, disk / "demo")
+        done = vtkmuscle_("demo", "--out", disk / "demo", "--frames", "0:1", *QUIET)
+        full(done.exit_code, done.stderr, disk / "demo")

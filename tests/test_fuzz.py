@@ -57,7 +57,7 @@ def damaged_scenes(folder, whole, kind, count):
 
 
 def test_damaged_scenes_are_a_result_or_one_clear_error(whole, tmp_path, pytestconfig, tried):
-    count = 150 if pytestconfig.getoption("--long") else 3
+    count = 150 if pytestconfig.getoption("--long") else 2
     kinds = {path: kind for kind in KINDS for path in damaged_scenes(tmp_path, whole, kind, count)}
     judged(kinds, "load_and_run", "a damaged {}, read and run", tried)
 

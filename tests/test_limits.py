@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from commands import vtkmuscle_
+from slow import slow
 from tiny_scene import HINGE, MOTION
 
 from vtkmuscle import Scene
@@ -90,9 +91,7 @@ def test_pipes_and_devices_are_refused(scene_file, tmp_path, where, kind):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is full")
-@pytest.mark.parametrize(
-    "command", [["--version"], ["info", "muscles/spindle.vtp"]], ids=["here", "in a command"]
-)
+@pytest.mark.parametrize("command", [*slow(["--version"]), ["info", "muscles/spindle.vtp"]], ids=str)
 def test_output_that_cannot_be_written_is_no_traceback(scene_file, command):
     program = [sys.executable, "-m", "vtkmuscle", *command]
     with open("/dev/full", "w") as full:

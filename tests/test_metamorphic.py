@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import pyvista
 from scipy.spatial.transform import Rotation
+from slow import slow
 from vtkmodules.vtkFiltersModeling import vtkLinearSubdivisionFilter
 
 from vtkmuscle import Scene, phantoms
@@ -170,8 +171,8 @@ TRANSFORMATIONS = {
     "finer triangles": partial(over_surfaces, subdivided),
     "other order of bones": reordered,
 }
-#: Quick transformations; all others run with the slow tests.
-QUICK = ("all at once", "thirty times")
+#: The transformation that is tried by default.
+QUICK = "all at once"
 
 
 def judged(scene, deformer="none"):
@@ -192,9 +193,7 @@ def test_each_fault_has_its_reason(name):
 
 
 @pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize(
-    "how", [how if how in QUICK else pytest.param(how, marks=pytest.mark.slow) for how in TRANSFORMATIONS]
-)
+@pytest.mark.parametrize("how", [QUICK, *slow(*(how for how in TRANSFORMATIONS if how != QUICK))])
 def test_the_same_scene_written_otherwise_has_the_same_reasons(name, how):
     make, verdict, checks = SCENES[name]
     assert judged(TRANSFORMATIONS[how](make())) == {"spindle": (verdict, checks)}

@@ -23,9 +23,22 @@ from vtkmuscle.scene.writing import save_unless_there
 QUICK = ("--frames", "0:1", "--no-figures", "--quiet")
 
 
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return Scene.load(write_tiny_scene(tmp_path_factory.mktemp("scene")))
+
+
+@pytest.fixture(scope="module")
+def finished(scene, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("finished")
+    scene.run(folder, frames="0:1", figures=False)
+    return folder
+
+
 @pytest.fixture
-def scene(scene_file):
-    return Scene.load(scene_file)
+def out(finished, tmp_path):
+    """A folder of a finished run."""
+    return Path(shutil.copytree(finished, tmp_path / "out"))
 
 
 def contents(folder):
@@ -72,12 +85,10 @@ def test_results_of_another_scene_are_not_replaced(scene_file, tmp_path):
 
 
 def test_nothing_old_stands_beside_new_results(scene, tmp_path):
-    tmp_path = tmp_path / "out"
-    tmp_path.mkdir()
     muscles = {"old": scene.muscles["spindle"]}
     (tmp_path / "notes.txt").write_text("mine")
-    replace(scene, muscles=muscles).run(tmp_path, figures=False)
-    assert (tmp_path / "old/old_0004.vtp").is_file()
+    replace(scene, muscles=muscles).run(tmp_path, frames="0:3", figures=False)
+    assert (tmp_path / "old/old_0002.vtp").is_file()
     (tmp_path / "old/mine.txt").write_text("mine")
     scene.run(tmp_path, frames="0:2", figures=False)
     found = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
@@ -93,7 +104,7 @@ def test_nothing_old_stands_beside_new_results(scene, tmp_path):
 
 
 def test_a_run_that_fails_leaves_no_old_table_beside_new_frames(scene, tmp_path):
-    scene.run(tmp_path, frames="0:3", figures=False)
+    scene.run(tmp_path, frames="0:3", figures=False, report=False)
 
     def fail(muscle, stage, part):
         if part > 0.0:
@@ -125,12 +136,10 @@ def test_where_no_report_can_be_written_nothing_is_that_would_stop_the_next_run(
         *("bones/lower", "bones/link", "spindle/a/link", "finished/bones", "finished/errors"),
     ],
 )
-def test_results_are_not_written_through_links(scene, tmp_path, name):
+def test_results_are_not_written_through_links(scene, out, tmp_path, name):
     """Whether the folder is the user's, or somebody has sent it with a list of what to remove."""
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "elsewhere/upper.vtp").write_text("mine")
-    out = tmp_path / "out"
-    scene.run(out, frames="0:1", figures=False)
     listed = (out / "bones.pvd").read_text()
     (out / "bones.pvd").write_text(listed.replace("bones/upper.vtp", f"{name}/upper.vtp"))
     if (out / name).exists():
@@ -143,11 +152,9 @@ def test_results_are_not_written_through_links(scene, tmp_path, name):
     assert contents(tmp_path / "elsewhere") == {tmp_path / "elsewhere/upper.vtp": b"mine"}
 
 
-def test_a_report_from_elsewhere_removes_only_what_runs_write(scene, tmp_path):
+def test_a_report_from_elsewhere_removes_only_what_runs_write(scene, out, tmp_path):
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "elsewhere/a.vtp").write_text("mine")
-    out = tmp_path / "out"
-    scene.run(out, frames="0:1", figures=False)
     before = contents(out)
     report = json.loads((out / "report.json").read_text())
     report["muscles"] |= {name: {} for name in (".", "..", "../elsewhere/a", "old", "\0")}
@@ -178,7 +185,7 @@ def test_a_folder_where_a_file_goes_is_said_before_the_work(scene, tmp_path, nam
     with pytest.raises(IsADirectoryError, match=name) as failure:
         scene.run(tmp_path, frames="0:1", figures=False)
     assert "partial" not in str(failure.value)
-    assert {path.name for path in tmp_path.iterdir()} == {"scene", name}
+    assert {path.name for path in tmp_path.iterdir()} == {name}
 
 
 def test_an_empty_name_is_no_folder(scene_file, scene, tmp_path, monkeypatch):
@@ -226,24 +233,22 @@ def test_names_that_would_be_in_the_way_of_files_are_refused(scene, kind, name):
     assert len(str(failure.value).splitlines()) == 1
 
 
-def test_what_killed_runs_left_half_written_goes_and_what_others_write_stays(scene, tmp_path):
+def test_what_killed_runs_left_half_written_goes_and_what_others_write_stays(scene, out):
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
-    scene.run(tmp_path, frames="0:1", figures=False)
-    places = (tmp_path, tmp_path / "spindle", tmp_path / "bones" / "lower")
+    places = (out, out / "spindle", out / "bones" / "lower")
     for folder in places:
         (folder / f".a.vtp.{ended.pid}-0a1b2c3d.partial").write_text("half")
         (folder / f".a.vtp.{ended.pid}.partial").write_text("half")
         (folder / f".b.vtp.{os.getpid()}-0a1b2c3d.partial").write_text("being written")
         (folder / ".mine.partial").write_text("mine")
-    (tmp_path / f".figures.{ended.pid}-0a1b2c3d.partial").mkdir()
-    scene.run(tmp_path, frames="0:1", figures=False)
-    left = sorted(path.name for path in tmp_path.rglob("*.partial"))
+    (out / f".figures.{ended.pid}-0a1b2c3d.partial").mkdir()
+    scene.run(out, frames="0:1", figures=False)
+    left = sorted(path.name for path in out.rglob("*.partial"))
     assert left == sorted([f".b.vtp.{os.getpid()}-0a1b2c3d.partial", ".mine.partial"] * len(places))
 
 
-def test_a_second_run_into_the_same_folder_is_refused(scene, tmp_path):
-    out = tmp_path / "out"
+def test_a_second_run_into_the_same_folder_is_refused(scene, out):
     with claimed(out, scene, overwrite=False):
         with pytest.raises(BlockingIOError, match=rf"another run is writing here \(process {os.getpid()}\)"):
             scene.run(out, frames="0:1", figures=False)
@@ -263,17 +268,14 @@ def test_a_second_run_into_the_same_folder_is_refused(scene, tmp_path):
     assert not (out / LOCK).exists()
 
 
-def test_the_lock_of_a_killed_run_holds_nobody_up(scene, tmp_path):
-    (tmp_path / LOCK).write_text("1\n")
-    scene.run(tmp_path, frames="0:1", figures=False)
-    assert not (tmp_path / LOCK).exists()
+def test_the_lock_of_a_killed_run_holds_nobody_up(scene, out):
+    (out / LOCK).write_text("1\n")
+    scene.run(out, frames="0:1", figures=False)
+    assert not (out / LOCK).exists()
 
 
-def test_a_kill_while_old_results_are_removed_leaves_no_list_of_files_that_are_gone(
-    scene, tmp_path, monkeypatch
-):
-    out, count, unlink = tmp_path / "out", 0, Path.unlink
-    scene.run(out, frames="0:3", figures=False)
+def test_a_kill_while_old_results_are_removed_leaves_no_list_of_files_that_are_gone(scene, out, monkeypatch):
+    count, unlink = 0, Path.unlink
 
     def look(path, *arguments, **options):
         nonlocal count

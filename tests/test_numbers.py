@@ -14,7 +14,7 @@ FRAMES = "0:3:2"
 
 @pytest.fixture(scope="module")
 def scene():
-    whole = Scene.from_phantom(phantoms.hip(), n_fibres=20)
+    whole = Scene.from_phantom(phantoms.hip(), n_fibres=9)
     return whole.with_muscles("gluteus_medius", "iliacus")
 
 

@@ -1,23 +1,9 @@
 """Phantoms: sound surfaces, attached muscles, and the answers that they promise."""
 
 import numpy as np
+import phantoms
 import pytest
 import pyvista as pv
-from phantoms import (
-    fibre_block,
-    flexor_over_brim,
-    hip,
-    leg,
-    lifting_strap,
-    pennate_belly,
-    pennate_block,
-    slivered_tendon,
-    spindle_over_ball,
-    spindle_over_hinge,
-    strap_over_two_joints,
-    tendon_through_ring,
-    wrapping_cylinder,
-)
 
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.motion.rigid import apply_transform
@@ -37,21 +23,18 @@ from vtkmuscle.filters import FibreMetrics, FibreSource
 from vtkmuscle.pipelines import decompose
 
 PHANTOMS = [
-    spindle_over_hinge,
-    wrapping_cylinder,
-    lifting_strap,
-    flexor_over_brim,
-    strap_over_two_joints,
-    spindle_over_ball,
-    slivered_tendon,
-    tendon_through_ring,
-    pennate_belly,
-    pennate_block,
-    hip,
-    leg,
+    *(
+        "spindle_over_hinge",
+        "wrapping_cylinder",
+        "lifting_strap",
+        "flexor_over_brim",
+        "strap_over_two_joints",
+    ),
+    *("spindle_over_ball", "slivered_tendon", "tendon_through_ring", "pennate_belly", "pennate_block"),
+    *("hip", "leg"),
 ]
 every_block = pytest.mark.parametrize("kind", KINDS)
-every_phantom = pytest.mark.parametrize("make", PHANTOMS, ids=lambda make: make.__name__)
+every_phantom = pytest.mark.parametrize("make", [getattr(phantoms, name) for name in PHANTOMS], ids=PHANTOMS)
 
 
 def mesh(surface):
@@ -83,7 +66,7 @@ def test_triangles_are_no_slivers(make):
     phantom = make()
     # But for the muscle that is there for its slivers (tests/test_phantom_paths.py).
     for name, surface in (
-        dict(blocks_of(phantom.bones)) if make is slivered_tendon else surfaces(phantom)
+        dict(blocks_of(phantom.bones)) if make is phantoms.slivered_tendon else surfaces(phantom)
     ).items():
         angles = pv.wrap(surface).cell_quality("min_angle")["min_angle"]
         assert angles.min() > 10, name
@@ -185,7 +168,7 @@ def known_of_each(phantom, name, r, s):
 
 
 def test_the_bellys_fibres_have_their_known_lengths_and_pennation():
-    phantom = pennate_belly()
+    phantom = phantoms.pennate_belly()
     muscle, known = phantom.muscles["belly"], phantom.known
     assert survey(*mesh(muscle)).volume == pytest.approx(known["volume"], rel=0.03)
     fibres = FibreMetrics()(FibreSource(n_fibres=200)(muscle, phantom.attachments["belly"]), muscle)
@@ -203,7 +186,7 @@ def test_the_bellys_fibres_have_their_known_lengths_and_pennation():
 
 @every_block
 def test_the_chain_of_filters_gives_the_known_lengths_angles_and_volume(kind):
-    phantom = fibre_block(kind)
+    phantom = phantoms.fibre_block(kind)
     muscle, attachments = phantom.muscles["block"], phantom.attachments["block"]
     fibres = decompose(muscle, attachments, phantom.superficial.get("block"), template=kind)
     metrics = FibreMetrics(architecture=True)

@@ -10,14 +10,7 @@ from hypothesis import strategies as st
 from shapes import lines_of
 
 from vtkmuscle.data.arrays import add_arrays, multiblock_from, points_of, with_points
-from vtkmuscle.plotting import (
-    Studio,
-    can_render,
-    choose_view,
-    drawing,
-    make_plotter,
-    plot_lengths,
-)
+from vtkmuscle.plotting import Studio, can_render, choose_view, drawing, make_plotter, plot_lengths
 from vtkmuscle.plotting.figures import plot_rest_pose, positions_across, shown_range
 from vtkmuscle.plotting.sheets import Pixels
 from vtkmuscle.plotting.studio import actors_of, strain_colours

@@ -71,11 +71,7 @@ def test_other_processes_write_and_warn_as_this_one_does(scene, tmp_path, starte
         assert not started
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("default")
-            scene.run(
-                tmp_path / f"{workers}",
-                **{**OPTIONS, "workers": workers},
-                progress=note,
-            )
+            scene.run(tmp_path / f"{workers}", **{**OPTIONS, "workers": workers}, progress=note)
         warned[workers] = [(one.category, str(one.message)) for one in caught]
     assert warned[1] == warned[2]
     assert warned[1][0][1].startswith(f"muscles.{SECOND}: all ")

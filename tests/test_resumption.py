@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from faults import check_whole, results
+from slow import slow
 from tiny_scene import write_tiny_scene
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
@@ -96,7 +97,7 @@ def same(one, other):
             np.testing.assert_array_equal(values, other.tables()[name][column])
 
 
-@pytest.mark.parametrize("deformer", ["paths", "none"])
+@pytest.mark.parametrize("deformer", ["paths", *slow("none")])
 def test_a_result_that_is_read_back_is_what_the_run_gave(scene, tmp_path, deformer):
     muscles = {name: one for name, one in scene.muscles.items() if deformer == "paths" or one.fibres}
     solver = scene.solver if deformer == "paths" else {}
@@ -107,7 +108,7 @@ def test_a_result_that_is_read_back_is_what_the_run_gave(scene, tmp_path, deform
     assert list(loaded.report) == list(result.report)
 
 
-def test_a_folder_without_a_finished_run_is_one_clear_error(scene, tmp_path):
+def test_a_folder_without_a_finished_run_is_one_clear_error(scene, finished, tmp_path):
     def refused(folder, words):
         with pytest.raises(InputError, match=words):
             Result.load(folder)
@@ -116,16 +117,15 @@ def test_a_folder_without_a_finished_run_is_one_clear_error(scene, tmp_path):
     refused(tmp_path, "no results of a run")
     (tmp_path / "file").write_text("")
     refused(tmp_path / "file", "this is a file")
-    out = tmp_path / "out"
 
     def stop(muscle, stage, part):
         if part > 0.0:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run(scene, out, progress=stop)
-    refused(out, r"an unfinished run \(KeyboardInterrupt\); finished frames")
-    run(scene, out)
+        run(scene, tmp_path / "out", progress=stop)
+    refused(tmp_path / "out", r"an unfinished run \(KeyboardInterrupt\); finished frames")
+    out = finished
     for damage, words in (
         (lambda file: file.unlink(), "missing"),
         (lambda file: file.write_bytes(file.read_bytes()[:-9]), "is not what the run|damaged"),
@@ -268,10 +268,10 @@ def test_a_muscle_whose_files_are_not_whole_is_computed_again(scene, finished, c
 
 
 @pytest.mark.filterwarnings("ignore:.*of the muscle lies in the muscle")  # one surface, twice
-@pytest.mark.parametrize("contact", ["off", pytest.param("measure", marks=pytest.mark.slow)])
-def test_a_run_that_was_stopped_goes_on_and_gives_the_same(scene, tmp_path, computed, contact):
+@pytest.mark.parametrize("contact", ["off", *slow("measure")])
+def test_a_run_that_was_stopped_goes_on_and_gives_the_same(scene, finished, tmp_path, computed, contact):
     scene = replace(scene, muscle_contact=contact)
-    run(scene, tmp_path / "whole")
+    run(scene, finished)
 
     def stop(muscle, stage, part):
         if muscle == "thin" and part > 0.5:
@@ -283,29 +283,31 @@ def test_a_run_that_was_stopped_goes_on_and_gives_the_same(scene, tmp_path, comp
     result = run(scene, tmp_path / "out")
     # Where muscles may meet, each asks those before it where they are.
     assert computed == (["thin", "bare"] if contact == "off" else ["spindle", "thin", "bare"])
-    assert results(tmp_path / "out") == results(tmp_path / "whole")
-    same(result, Result.load(tmp_path / "whole"))
+    assert results(tmp_path / "out") == results(finished)
+    same(result, Result.load(finished))
 
 
-@pytest.mark.parametrize("change", ["removed", "changed", "run again"])
-def test_a_result_says_where_its_frames_were_lost_or_changed(scene, tmp_path, change, monkeypatch):
+def test_a_result_says_where_its_frames_were_lost_or_changed(scene, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     one = scene.with_muscles("thin")
     result = run(one, "out", frames="0:2", report=False)
     monkeypatch.chdir("/")
     assert result.fibres("thin", frame=1).n_cells == result.lengths["thin"].shape[1]
     frame = tmp_path / "out" / "thin_fibres" / "thin_fibres_0001.vtp"
-    if change == "run again":
-        run(replace(one, name="another"), tmp_path / "out", frames="0:2", report=False, overwrite=True)
-    elif change == "changed":
-        frame.write_bytes(frame.read_bytes() + b" ")
-    else:
-        frame.unlink()
-    with pytest.raises(
-        InputError, match=r"thin_fibres_0001\.vtp: the file is (missing|not what the run)"
-    ) as failure:
-        result.fibres("thin", frame=1)
-    assert "run the scene again" in str(failure.value)
+    other = replace(one, name="another")
+    for change, words in (
+        (lambda: frame.write_bytes(frame.read_bytes() + b" "), "not what the run"),
+        (frame.unlink, "missing"),
+        (
+            lambda: run(other, tmp_path / "out", frames="0:2", report=False, overwrite=True),
+            "not what the run",
+        ),
+    ):
+        change()
+        with pytest.raises(
+            InputError, match=rf"thin_fibres_0001\.vtp: the file is {words}.*run the scene again"
+        ):
+            result.fibres("thin", frame=1)
     assert len(result.length_table()["length_mm"])
 
 

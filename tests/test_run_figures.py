@@ -95,13 +95,14 @@ def test_figures_are_written_in_each_form_or_not_at_all(renders, scene, tmp_path
     assert not (tmp_path / "none").exists()
 
 
-@pytest.mark.parametrize("width", [85, 180])
-def test_figures_have_a_column_of_a_journal_and_letters_to_be_read(renders, scene, tmp_path, width):
-    for path in scene.run(frames="0:2", figures=False).write_figures(tmp_path, form="svg", width=width):
-        text = path.read_text()
-        points = float(re.search(r'width="([\d.]+)pt"', text)[1])
-        assert points == pytest.approx(width / 25.4 * 72.0, abs=0.5)
-        assert min(float(size) for size in re.findall(r"font(?:-size)?: ([\d.]+)px", text)) >= 7.0
+def test_figures_have_a_column_of_a_journal_and_letters_to_be_read(renders, scene, tmp_path):
+    result = scene.run(frames="0:2", figures=False)
+    for width in (85, 180):
+        for path in result.write_figures(tmp_path / f"{width}", form="svg", width=width):
+            text = path.read_text()
+            points = float(re.search(r'width="([\d.]+)pt"', text)[1])
+            assert points == pytest.approx(width / 25.4 * 72.0, abs=0.5)
+            assert min(float(size) for size in re.findall(r"font(?:-size)?: ([\d.]+)px", text)) >= 7.0
 
 
 def test_several_coordinates_are_named_with_their_values(tmp_path):

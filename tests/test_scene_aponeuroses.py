@@ -30,7 +30,7 @@ def scene_of(kind):
 def test_oblique_fibres_between_plates_that_shift_have_their_known_lengths(kind):
     scene, width = scene_of(kind)
     pipeline = muscle_pipeline(scene, "block")
-    for time in (0.0, 4.0, 10.0):
+    for time in (0.0, 10.0):
         fibres = pipeline.metrics.update(time=time).output
         known = np.hypot(width, LENGTH / 2 - time)
         lengths = cell_array(fibres, "Length", "fibres")
@@ -83,10 +83,7 @@ def test_a_scene_keeps_its_aponeuroses_and_mirrors_them(saved):
             lambda muscle, scene: muscle["aponeuroses"].update(distal="none.vtp"),
             "muscles.block.aponeuroses.distal",
         ),
-        (
-            lambda muscle, scene: muscle.pop("fibres"),
-            "the muscle has aponeuroses, but no fibres",
-        ),
+        (lambda muscle, scene: muscle.pop("fibres"), "the muscle has aponeuroses, but no fibres"),
         (lambda muscle, scene: scene.update(deformer="none"), "aponeuroses need a deformed muscle"),
     ],
 )

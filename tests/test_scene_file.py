@@ -25,19 +25,7 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.filters import PathDeformer, PBDDeformer, TautPaths
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.io import read_surface, write_polydata
-from vtkmuscle.scene.schema import (
-    Area,
-    Axis,
-    Hill,
-    Hinge,
-    JointTable,
-    Motion,
-    MuscleTable,
-    OpenSimTable,
-    Paths,
-    SceneTable,
-    Solver,
-)
+from vtkmuscle.scene import schema
 from vtkmuscle.scene.writing import tables_of
 
 
@@ -144,6 +132,14 @@ def test_attachments_may_be_estimated(scene_file, moving, tmp_path):
     assert all(area.estimated for area in (*areas, *again))
     for mine, yours in zip(areas, again, strict=True):
         np.testing.assert_allclose(mine.landmarks, yours.landmarks, atol=1e-9)
+    report = scene.run(frames="0:1", figures=False, sense=False).report["muscles"]["spindle"]
+    assert report["estimated_attachments"] == 2
+    assert 0.0 < report["attachment_confidence"] == min(area.confidence for area in areas) <= 0.64
+    # Two bones may be named, the bone of the origin first.
+    (still,) = {"lower", "upper"} - {moving}
+    edit(scene_file, '"estimate"', f'{{ estimate = ["{moving}", "{still}"] }}')
+    named = Scene.load(scene_file).muscles["spindle"].attachments
+    assert [(area.role, area.bone == moving) for area in named] == [("origin", True), ("insertion", False)]
 
 
 SHEETS = [[[0, 0, z], [1, 0, z], [1, 1, z], [0, 1, z]] for z in (0, 0.5, 1)]
@@ -285,6 +281,10 @@ FAULTS = [
     (f"  {ORIGIN},\n", "", AREAS, "role 'origin'", "or leave out fibres"),
     (LIST, "", AREAS, "role 'origin'", '= "estimate"'),
     (LIST, 'attachments = "guess"', AREAS, "must be a list", '"estimate"'),
+    (LIST, 'attachments = { estimate = ["upper"] }', AREAS, "must name two bones", ""),
+    (LIST, 'attachments = { guess = ["upper", "lower"] }', AREAS, "must name two bones", ""),
+    (LIST, 'attachments = { estimate = ["upper", "elbow"] }', AREAS, "no bone 'elbow'", ""),
+    (LIST, 'attachments = { estimate = ["upper", "upper"] }', AREAS, "both 'upper'", ""),
     (ORIGIN, "3", AREAS + "[0]", "must be a table", "format"),
     ('role = "origin"', 'role = "orgin"', AREAS + "[0].role", "not 'orgin'", "did you mean 'origin'"),
     (ORIGIN, ORIGIN.replace("upper", "uper"), AREAS + "[0].bone", "no bone 'uper'", "'upper'"),
@@ -349,10 +349,20 @@ def test_all_files_that_cannot_be_read_are_said_at_once(scene_file):
 
 def test_every_key_says_what_it_is():
     of_deformers = PathDeformer.parameter_declarations | PBDDeformer.parameter_declarations
-    assert Solver.model_fields.keys() == of_deformers.keys()
-    assert Paths.model_fields.keys() == TautPaths.parameter_declarations.keys()
-    for table in (SceneTable, MuscleTable, Motion, Hinge, Area, JointTable, Axis, OpenSimTable, Hill):
-        assert all(field.description for field in table.model_fields.values())
+    assert schema.Solver.model_fields.keys() == of_deformers.keys()
+    assert schema.Paths.model_fields.keys() == TautPaths.parameter_declarations.keys()
+    for name in [
+        "SceneTable",
+        "MuscleTable",
+        "Motion",
+        "Hinge",
+        "Area",
+        "JointTable",
+        "Axis",
+        "OpenSimTable",
+        "Hill",
+    ]:
+        assert all(field.description for field in getattr(schema, name).model_fields.values())
 
 
 def test_faults_outside_the_keys_name_the_file(tmp_path, scene_file):

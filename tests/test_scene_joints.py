@@ -143,7 +143,7 @@ def test_the_walk_of_the_real_hip_is_its_table(lhdl_hip, strap_folder, tmp_path)
 
 
 def test_the_left_side_is_the_right_one_in_a_mirror(strap_folder, tmp_path):
-    motion = {"grid": {"upper": [0, 20, 10], "lower": [0, 30, 15]}}
+    motion = {"grid": {"upper": [0, 20, 20], "lower": [0, 30, 30]}}
     right = Scene.load(scene_with(strap_folder, tmp_path / "right", motion=motion))
     left = Scene.load(scene_with(strap_folder, tmp_path / "left", motion=motion, mirror="y"))
     signs = np.array([1.0, -1.0, 1.0])

@@ -61,7 +61,9 @@ def test_moment_arms_are_levers_and_the_slopes_of_the_lengths(result):
     found = result.moment_arms()["spindle"]["knee"]
     lengths, angles = result.lengths["spindle"], np.radians(result.times)
     np.testing.assert_allclose(found.slopes, -np.gradient(lengths, angles, axis=0, edge_order=2), atol=1e-9)
-    np.testing.assert_array_equal(found.arms[3], result.paths("spindle", frame=3).levers["knee"])
+    paths = result.paths("spindle", frame=3)
+    np.testing.assert_array_equal(found.arms[3], paths.levers["knee"])
+    np.testing.assert_allclose(np.linalg.norm(np.diff(paths.points, axis=1), axis=2).sum(axis=1), lengths[3])
     # It goes round the joint at a distance of some 15 mm; by the whole change of length as well.
     whole = -(lengths[-1] - lengths[0]).mean() / angles[-1]
     assert found.mean.mean() == pytest.approx(whole, rel=0.1)

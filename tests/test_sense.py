@@ -24,7 +24,7 @@ PAGE = Path(__file__).parents[1] / "docs/reference/sense.rst"
 
 @pytest.fixture(scope="module")
 def good():
-    return Scene.from_phantom(phantoms.hip())
+    return Scene.from_phantom(phantoms.hip(detail=0.5))
 
 
 def areas(scene, change):

@@ -61,18 +61,18 @@ def test_a_row_has_the_numbers_of_a_run(scene):
 
 
 def test_a_finished_folder_is_read_and_a_changed_scene_is_run(scene, tmp_path, solved):
-    first = vtkmuscle.cohort({"anna": scene, "ben": scene}, tmp_path, workers=1, frames="0:2")
+    first = vtkmuscle.cohort({"anna": scene, "ben": scene}, tmp_path, workers=1, frames="0:1")
     text = (tmp_path / "cohort.csv").read_text()
     assert sorted(solved) == sorted(first["folder"])
     solved.clear()
-    same_numbers(vtkmuscle.cohort({"anna": scene, "ben": scene}, tmp_path, workers=1, frames="0:2"), first)
+    same_numbers(vtkmuscle.cohort({"anna": scene, "ben": scene}, tmp_path, workers=1, frames="0:1"), first)
     assert solved == []
     assert (tmp_path / "cohort.csv").read_text() == text
     other = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=7, resolution=5)
-    vtkmuscle.cohort({"anna": scene, "ben": other}, tmp_path, workers=1, frames="0:2", overwrite=True)
+    vtkmuscle.cohort({"anna": scene, "ben": other}, tmp_path, workers=1, frames="0:1", overwrite=True)
     assert solved == [first["folder"][1]]
     solved.clear()
-    vtkmuscle.cohort({"anna": scene}, tmp_path, workers=1, frames="0:3")
+    vtkmuscle.cohort({"anna": scene}, tmp_path, workers=1, frames="0:2")
     assert solved == [first["folder"][0]], "other frames are another run"
 
 
@@ -136,11 +136,11 @@ def test_a_client_of_dask_gives_the_same_table(scene, tmp_path):
 
 
 def test_settings_of_scene_and_fibres_are_varied(scene):
-    table = vtkmuscle.vary(scene, workers=1, frames="0:2", deformer=["none", "paths"], n_fibres=[4, 8])
+    table = vtkmuscle.vary(scene, workers=1, frames="0:1", deformer=["none", "paths"], n_fibres=[4, 8])
     assert table["deformer"].tolist() == ["none", "none", "paths", "paths"]
     assert table["n_fibres"].tolist() == [4, 8, 4, 8]
     few = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=4, resolution=5)
-    lengths = few.run(frames="0:2").lengths["spindle"]
+    lengths = few.run(frames="0:1").lengths["spindle"]
     assert table.where(deformer="paths", n_fibres=4)["length_mm"] == pytest.approx(lengths.mean(), rel=1e-12)
 
 
@@ -201,10 +201,10 @@ def test_subjects_with_similar_names_keep_their_own_folders_and_rows(scene, tmp_
     turned = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=7, resolution=5)
     names = ("a b", "a_b")
     scenes = {name: (scene, turned)[i % 2] for i, name in enumerate(names)}
-    table = vtkmuscle.cohort(scenes, tmp_path, workers=1, frames="0:2")
-    again = vtkmuscle.cohort(scenes, tmp_path, workers=1, frames="0:2")
+    table = vtkmuscle.cohort(scenes, tmp_path, workers=1, frames="0:1")
+    again = vtkmuscle.cohort(scenes, tmp_path, workers=1, frames="0:1")
     assert len({name.casefold() for name in table["folder"]}) == len(names)
-    for i, name in enumerate(names):
-        own = vtkmuscle.cohort({name: scenes[name]}, workers=1, frames="0:2")
-        assert table["length_mm"][i] == again["length_mm"][i] == own["length_mm"][0]
+    own = vtkmuscle.cohort({"a b": scene}, workers=1, frames="0:1")
+    assert table["length_mm"][0] == own["length_mm"][0]
+    assert table["length_mm"].tolist() == again["length_mm"].tolist()
     assert table["length_mm"][0] != table["length_mm"][1]

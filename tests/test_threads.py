@@ -10,55 +10,35 @@ import vtkmuscle
 
 SCRIPT = """
 import hashlib, threading
-from vtkmuscle.filters import (
-    BoneMotion, FibreMetrics, FibreTemplateSource, FibreTransport, FibreTrimmer, FixedPointDetector,
-    PathDeformer, SliceMorpher, TautPaths, TemplateFitter,
-)
+from vtkmuscle import Scene
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.phantoms import spindle_over_hinge, wrapping_cylinder
+from vtkmuscle.run import muscle_pipeline
 
-def connected(made, *inputs):
-    for port, value in enumerate(inputs):
-        made.connect(port, value)
-    return made
-
-def run(phantom, **parameters):
-    (name, muscle), = phantom.muscles.items()
-    attachments = phantom.attachments[name]
-    posed = dict(rest_bones=phantom.bones, bones=BoneMotion(bones=phantom.bones, motion=phantom.motion))
-    fixed = connected(FixedPointDetector(), muscle, phantom.bones, attachments)
-    paths = TautPaths(rest_muscle=fixed, **posed)
-    deformed = PathDeformer(muscle=fixed, paths=paths, **posed, **parameters)
-    fitted = connected(TemplateFitter(), FibreTemplateSource(n_fibres=8), muscle, attachments)
-    trimmed = connected(FibreTrimmer(), connected(SliceMorpher(), fitted, muscle), muscle, attachments)
-    carried = connected(FibreTransport(), trimmed, muscle, deformed)
-    last = connected(FibreMetrics(), carried)
-    digest = hashlib.sha256()
-    for time in phantom.motion.times[1:3]:
-        digest.update(points_of(last.update(time).output).tobytes())
-        digest.update(points_of(deformed.update(time).output).tobytes())
+def run(make):
+    scene, digest = Scene.from_phantom(make(), n_fibres=8), hashlib.sha256()
+    pipeline = muscle_pipeline(scene, *scene.muscles)
+    for time in scene.motion.times[1:3]:
+        for last in (pipeline.metrics, pipeline.deformer):
+            digest.update(points_of(last.update(time=float(time)).output).tobytes())
     return digest.hexdigest()
 
-JOBS = [
-    (spindle_over_hinge, dict(iterations=12)),
-    (wrapping_cylinder, dict(iterations=8)),
-]
-expected = [run(make(), **parameters) for make, parameters in JOBS]
+JOBS = spindle_over_hinge, wrapping_cylinder
+expected = [run(make) for make in JOBS]
 assert len(set(expected)) == len(JOBS)
-for one, other in ((0, 1), (0, 0)):
-    phantoms = [JOBS[job][0]() for job in (one, other)]
+for jobs in ((0, 1), (0, 0)):
     found, together = {}, threading.Barrier(2)
 
     def work(place, job):
         together.wait()
-        found[place] = run(phantoms[place], **JOBS[job][1])
+        found[place] = run(JOBS[job])
 
-    threads = [threading.Thread(target=work, args=pair) for pair in enumerate((one, other))]
+    threads = [threading.Thread(target=work, args=pair) for pair in enumerate(jobs)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert found == {0: expected[one], 1: expected[other]}, (one, other)
+    assert found == {place: expected[job] for place, job in enumerate(jobs)}, jobs
 print("same")
 """
 

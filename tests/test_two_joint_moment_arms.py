@@ -17,7 +17,7 @@ def result(tmp_path_factory):
     path = save_strap(tmp_path_factory.mktemp("strap"), n_fibres=36, resolution=30)
     tables = tomllib.loads(path.read_text())
     # The rest pose is in the middle of the upper joint's range: its 90 degrees are those from -40 on.
-    grid = {"upper": [-40, 50, 10], "lower": [0, 90, 10]}
+    grid = {"upper": [-40, 50, 15], "lower": [0, 90, 15]}
     tables |= {"joints": JOINTS, "motion": {"grid": grid}, "deformer": "none"}
     path.write_text(tomli_w.dumps(tables))
     return Scene.load(path).run()
@@ -28,20 +28,20 @@ def arms(result):
     return result.moment_arms()["strap"]
 
 
-@pytest.mark.gap("error of the mean moment arm, strap over two rollers, lower joint", "2.01 %", "2 %")
+@pytest.mark.gap("error of the mean moment arm, strap over two rollers, lower joint", "2.03 %", "2 %")
 @pytest.mark.parametrize(("name", "known", "bound"), [("upper", ARMS[0], 0.02), ("lower", -ARMS[1], 0.022)])
 def test_moment_arms_are_those_of_the_rollers_in_every_pose_of_the_grid(arms, result, name, known, bound):
     """A path's corners are on the roller, 1 % of which are facets, and between them are chords."""
     found, radius = arms[name].mean, abs(known)
     segment = result.lengths["strap"].max() / (result.paths("strap", frame=0).points.shape[1] - 1)
     chord = radius * (1.0 - np.cos(segment / (2.0 * radius)))
-    assert len(found) == 100
+    assert len(found) == 49
     np.testing.assert_allclose(found, known, atol=chord + 0.01 * radius)
     np.testing.assert_allclose(found.mean(), known, rtol=bound)
 
 
 @pytest.mark.parametrize("name", ["upper", "lower"])
 def test_slopes_of_the_lengths_are_the_moment_arms(arms, name):
-    """On the mean of 100 poses; single ones differ by steps of 10 degrees, and as points come to bones."""
+    """On the mean of 49 poses; single ones differ by steps of 15 degrees, and as points come to bones."""
     assert arms[name].mean_slope.mean() == pytest.approx(arms[name].mean.mean(), abs=0.1)
     assert np.sqrt(((arms[name].mean_slope - arms[name].mean) ** 2).mean()) < 0.5

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
+from slow import slow
 
 FOLDER = Path(__file__).parents[2] / "benchmarks" / "paper"
 SCRIPTS = sorted(path.stem for path in FOLDER.glob("kohout*.py"))
@@ -21,11 +22,16 @@ QUICK = {
 }
 
 
+#: Of these, what takes seconds.
+SLOW = {"kohout2021_fig11"}
 #: Their tables, made by ``python benchmarks/remake.py --phantom``; what numbers in them may differ by between
 #: machines, as a part and as a number.
 TABLES = Path(__file__).parent / "phantom_tables"
 NOISE, SMALL = 0.05, 0.02
 REMAKE = "if that is meant to be: python benchmarks/remake.py --phantom, and --stale for the pages"
+
+
+OTHERS = [name for name in SCRIPTS if name not in QUICK]
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +43,8 @@ def case(benchmarks):
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.study) for name in SCRIPTS]
+    "name",
+    [*sorted(QUICK - SLOW), *slow(*SLOW), *(pytest.param(n, marks=pytest.mark.study) for n in OTHERS)],
 )
 def test_experiment_runs_on_the_phantom(name, case):
     tables = importlib.import_module(name).tables(case)

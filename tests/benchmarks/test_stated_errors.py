@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from slow import slow
 from vtkmodules.vtkFiltersModeling import vtkLinearSubdivisionFilter
 
 from vtkmuscle.data.attachments import attachments_from, attachments_of
@@ -39,7 +40,7 @@ def turned(areas):
     return attachments_from([replace(area, landmarks=np.roll(area.landmarks, 3, axis=0)) for area in own])
 
 
-@pytest.mark.parametrize("name", ["lifting_strap", "tendon_between_bones"])
+@pytest.mark.parametrize("name", [*slow("lifting_strap"), "tendon_between_bones"])
 def test_one_shape_in_other_representations_has_means_within_their_errors(name):
     module = importlib.import_module("stated_errors")
     (case,) = (case for case in module.known_phantoms() if case.name == name)

@@ -1,5 +1,7 @@
 """Extremes of what the deformer is given: meshes, steps, settings, bones, units, places."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 import pyvista as pv
@@ -7,6 +9,7 @@ import scenes
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 from scenes import bending, figure, fixed_ends, run, tube
+from slow import slow
 
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.rest_shape import RestShape
@@ -25,7 +28,7 @@ def volume_error(out):
     return abs(figure(out, "VolumeRatio") - 1.0)
 
 
-@pytest.mark.parametrize("angle", [2, 10, 45, 90, 180])
+@pytest.mark.parametrize("angle", [2, *slow(10), 45, *slow(90), 180])
 def test_a_step_at_once(angle, ledger):
     for mode in scenes.MODES:
         _, out = run(tube(), bending(angle), **mode)
@@ -123,7 +126,7 @@ def test_a_force_beyond_all_numbers(ledger):
         ledger.refused("Settings", "a force of 1e306 mm/s², dt 1000 s", str(caught.value))
 
 
-@pytest.mark.parametrize("iterations", [1, 100, 1000, 10_000])
+@pytest.mark.parametrize("iterations", [1, 100, *slow(1000, 10_000)])
 def test_iterations(iterations, long, ledger):
     for mode in scenes.MODES[:: 1 if long or iterations <= 100 else 4]:
         _, out = run(tube(), bending(20), **{**mode, "iterations": iterations})
@@ -149,14 +152,19 @@ def scaled_mesh(mesh, factor):
     return mesh[0] * factor, mesh[1]
 
 
+@cache
+def bent_by_20(number):
+    """Return the points of the spindle by the mode of this number."""
+    return run(tube(), bending(10, 20), **scenes.MODES[number])[0]
+
+
 @pytest.mark.parametrize("exponent", [-6, -3, 3, 6])
 def test_another_unit_of_length(exponent, ledger):
     factor = 10.0**exponent
-    for mode in scenes.MODES:
-        expected, _ = run(tube(), bending(10, 20), **mode)
+    for number, mode in enumerate(scenes.MODES):
         bones = [scaled_mesh(bone, factor) for bone in scenes.BONES]
         now, _ = run(scaled_mesh(tube(), factor), scaled(bending(10, 20), factor), bones=bones, **mode)
-        error = np.abs(now / factor - expected).max() / 100.0
+        error = np.abs(now / factor - bent_by_20(number)).max() / 100.0
         what = f"scale 1e{exponent:+d}"
         ledger.passed("Units and positions", what, "difference / length of the muscle", error)
         assert error <= SCALE_BOUND, mode
@@ -179,10 +187,9 @@ VOXEL = 0.2
 
 @pytest.mark.parametrize("what", MOVES)
 def test_another_place(what, ledger):
-    for mode in scenes.MODES:
+    for number, mode in enumerate(scenes.MODES):
         turned = what.startswith("a rigid") and mode.get("collision") == "voxel"
         frame = QUARTER_TURN if turned else MOVES[what]
-        expected, _ = run(tube(), bending(10, 20), **mode)
         bones = [(apply_transform(frame, points), triangles) for points, triangles in scenes.BONES]
         points, triangles = tube()
         now, _ = run(
@@ -192,7 +199,7 @@ def test_another_place(what, ledger):
             fixed_to=fixed_ends(points),
             **mode,
         )
-        error = np.abs(now - apply_transform(frame, expected)).max()
+        error = np.abs(now - apply_transform(frame, bent_by_20(number))).max()
         if not turned:
             ledger.passed("Units and positions", what, "largest difference [mm]", error)
         # Rounding decides which face of a voxel stops a point that comes to an edge of it.
@@ -202,9 +209,9 @@ def test_another_place(what, ledger):
 # ---------------------------------------------------------------- muscles, and spindles of their size
 
 
-@pytest.mark.parametrize("iterations", [1, 3, 10, 100])
-@pytest.mark.parametrize("step", [10, 45])
-@pytest.mark.parametrize("triangles", [1000, 3000, 8000])
+@pytest.mark.parametrize("iterations", [*slow(1, 3), 10, *slow(100)])
+@pytest.mark.parametrize("step", [*slow(10), 45])
+@pytest.mark.parametrize("triangles", [*slow(1000, 3000), 8000])
 def test_a_spindle_of_a_muscle_s_size(triangles, step, iterations, ledger):
     """8000 triangles are solved on two levels."""
     around = round((triangles / 4) ** 0.5)
@@ -218,9 +225,9 @@ def test_a_spindle_of_a_muscle_s_size(triangles, step, iterations, ledger):
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize("iterations", [1, 10])
-@pytest.mark.parametrize("step", [10, 45])
-@pytest.mark.parametrize("triangles", [1000, 3000])
+@pytest.mark.parametrize("iterations", [*slow(1), 10])
+@pytest.mark.parametrize("step", [*slow(10), 45])
+@pytest.mark.parametrize("triangles", [1000, *slow(3000)])
 @pytest.mark.parametrize("name", ["gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis"])
 def test_a_muscle_of_the_hip(lhdl_hip, name, triangles, step, iterations, ledger):
     scene = Scene.load(lhdl_hip / "scene_lite.toml")

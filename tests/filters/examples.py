@@ -151,7 +151,7 @@ def superficial_fibres():
 
 
 def image():
-    return label_map(PHANTOM, spacing=5.0)
+    return label_map(PHANTOM, spacing=8.0)
 
 
 def _lines(starts, direction, n_points=8):

@@ -105,9 +105,9 @@ def test_what_is_outside_is_marked():
     fibres = FibreSource(n_fibres=100)(muscle, phantom.attachments["spindle"])
     bounds = np.array(muscle.GetBounds()).reshape(3, 2)
     mesh = pv.ImageData(
-        dimensions=(21, 21, 41),
+        dimensions=(11, 11, 21),
         origin=bounds[:, 0] - 10,
-        spacing=(np.ptp(bounds, axis=1) + 20) / [20, 20, 40],
+        spacing=(np.ptp(bounds, axis=1) + 20) / [10, 10, 20],
     )
     field = FibreField(at="points").apply(mesh, fibres, muscle)
     surface = pv.wrap(muscle)

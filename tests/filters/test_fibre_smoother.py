@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from phantoms import fibre_block
 from scipy.spatial import ConvexHull, Delaunay, cKDTree
 from shapes import lines_of
+from slow import slow
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle import Scene
@@ -121,9 +122,7 @@ def bare_share(muscle, attachments, **settings):
     ("make", "name", "templates"),
     [
         (spindle_over_hinge, "spindle", ["pennate", "bipennate"]),
-        pytest.param(
-            hip, "gluteus_maximus", ["pennate", "bipennate", "curved", "fan"], marks=pytest.mark.slow
-        ),
+        *slow((hip, "gluteus_maximus", ["pennate", "bipennate", "curved", "fan"])),
     ],
     ids=["spindle", "gluteus maximus"],
 )
@@ -152,10 +151,7 @@ def test_what_a_template_leaves_free_in_a_muscle_of_its_own_architecture_stays_f
 @pytest.mark.gap("distance to the nearest fibre relative to even fibres, iliacus", "2.3", "1.5")
 @pytest.mark.parametrize(
     ("name", "bound"),
-    [
-        *(pytest.param(name, 1.5, marks=pytest.mark.slow) for name in ("gluteus_maximus", "gluteus_medius")),
-        *(("adductor_brevis", 1.5), ("iliacus", 2.4)),
-    ],
+    [*slow(("gluteus_maximus", 1.5), ("gluteus_medius", 1.5), ("iliacus", 2.4)), ("adductor_brevis", 1.5)],
 )
 def test_a_hundred_fibres_cover_real_muscles_nearly_as_well_as_evenly_spaced_ones(name, bound, lhdl_hip):
     scene = Scene.load(lhdl_hip / "scene.toml")

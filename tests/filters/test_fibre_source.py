@@ -7,16 +7,7 @@ from phantoms import fibre_block
 from vtkmodules.vtkCommonDataModel import vtkCellArray
 
 from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.data.arrays import (
-    add_arrays,
-    cell_array,
-    checked_surface,
-    field_array,
-    field_string,
-    points_of,
-    polylines_of,
-    surface_from,
-)
+from vtkmuscle.data import arrays
 from vtkmuscle.data.attachments import (
     Aponeurosis,
     aponeuroses_data,
@@ -45,7 +36,7 @@ def ring(x, low, high, y=(0.0, DEPTH)):
 
 def sides(surface):
     """Return the corner that the block's coordinates are counted from."""
-    return points_of(surface).min(axis=0)
+    return arrays.points_of(surface).min(axis=0)
 
 
 def two_rings(muscle, low=(0.0, 60.0), high=(60.0, 120.0)):
@@ -57,29 +48,29 @@ def two_rings(muscle, low=(0.0, 60.0), high=(60.0, 120.0)):
 
 
 def lengths_of(fibres):
-    lines = polylines_of(fibres, "fibres")
+    lines = arrays.polylines_of(fibres, "fibres")
     return polyline_lengths(lines.points, lines.offsets)
 
 
 def test_pennate_fibres_have_their_known_length_and_pennation(block):
     muscle, attachments = block
     fibres = FibreSource(n_fibres=100, course="straight")(muscle, attachments)
-    assert field_string(fibres, "Course") == "straight"
+    assert arrays.field_string(fibres, "Course") == "straight"
     length = np.hypot(WIDTH, LENGTH / 2)
     assert lengths_of(fibres).mean() == pytest.approx(length, rel=0.01)
     assert np.abs(lengths_of(fibres) / length - 1).max() < 0.05
     measured = FibreMetrics()(fibres, muscle)
     known = np.degrees(np.arctan2(WIDTH, LENGTH / 2))
     for name in ("PennationOrigin", "PennationInsertion"):
-        assert cell_array(measured, name, "fibres").mean() == pytest.approx(known, abs=1.0)
-    assert not cell_array(fibres, "Bent", "fibres").any()
+        assert arrays.cell_array(measured, name, "fibres").mean() == pytest.approx(known, abs=1.0)
+    assert not arrays.cell_array(fibres, "Bent", "fibres").any()
 
 
 def test_bipennate_fibres_end_on_the_tendon_in_the_middle():
     phantom = fibre_block("bipennate")
     muscle = phantom.muscles["block"]
     fibres = FibreSource(n_fibres=200, course="straight")(muscle, phantom.attachments["block"])
-    lines = polylines_of(fibres, "fibres").points.reshape(200, -1, 3) - sides(muscle)
+    lines = arrays.polylines_of(fibres, "fibres").points.reshape(200, -1, 3) - sides(muscle)
     assert np.abs(lines[:, -1, 0] - WIDTH / 2).max() < 0.2
     assert (np.minimum(lines[:, 0, 0], WIDTH - lines[:, 0, 0]) < 0.2).all()
     length = np.hypot(WIDTH / 2, LENGTH / 2)
@@ -89,22 +80,22 @@ def test_bipennate_fibres_end_on_the_tendon_in_the_middle():
 def test_a_muscle_is_filled_by_the_way_that_suits_it(block):
     phantom = fibre_block("parallel")
     whole = FibreSource(n_fibres=30)(phantom.muscles["block"], phantom.attachments["block"])
-    assert field_string(whole, "Course") == "straight"
-    assert field_array(whole, "FilledShare") == pytest.approx(1.0, abs=0.05)
+    assert arrays.field_string(whole, "Course") == "straight"
+    assert arrays.field_array(whole, "FilledShare") == pytest.approx(1.0, abs=0.05)
     assert lengths_of(whole).mean() == pytest.approx(LENGTH, rel=0.01)
     spindle = spindle_over_hinge()
     muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
     by_sections = FibreSource(n_fibres=30)(muscle, areas)
-    assert field_string(by_sections, "Course") == "sections"
-    assert field_array(by_sections, "FilledShare") < 0.5
+    assert arrays.field_string(by_sections, "Course") == "sections"
+    assert arrays.field_array(by_sections, "FilledShare") < 0.5
     template = decompose(muscle, areas, n_fibres=30, method="harmonic").update().output
-    assert np.array_equal(points_of(by_sections), points_of(template))
+    assert np.array_equal(arrays.points_of(by_sections), arrays.points_of(template))
 
 
 def test_rings_as_aponeuroses_are_as_good_as_areas(block):
     muscle, attachments = block
     between = FibreSource(n_fibres=60)(muscle, None, None, aponeuroses_data(two_rings(muscle)))
-    assert field_string(between, "Course") == "straight"
+    assert arrays.field_string(between, "Course") == "straight"
     areas = FibreSource(n_fibres=60, course="straight")(muscle, attachments)
     assert lengths_of(between).mean() == pytest.approx(lengths_of(areas).mean(), rel=0.01)
 
@@ -121,13 +112,13 @@ def test_an_aponeurosis_may_be_several_rings_or_a_surface_within_the_muscle(bloc
         j_resolution=8,
     ).triangulate()
     assert plane.bounds[0] == pytest.approx(plane.bounds[1])
-    inner = surface_from(points_of(plane), plane.regular_faces)
-    add_arrays(inner, fields={"Side": "distal"})
+    inner = arrays.surface_from(arrays.points_of(plane), plane.regular_faces)
+    arrays.add_arrays(inner, fields={"Side": "distal"})
     rings = [Aponeurosis("proximal", corner + ring(x, 0.0, 60.0)) for x in (0.0, WIDTH)]
-    blocks = aponeuroses_data([*rings, Aponeurosis("distal", points_of(inner), plane.regular_faces)])
+    blocks = aponeuroses_data([*rings, Aponeurosis("distal", arrays.points_of(inner), plane.regular_faces)])
     assert [len(one.triangles) > 0 for one in aponeuroses_of(blocks, "test")] == [False, False, True]
     fibres = FibreSource(n_fibres=100)(muscle, None, None, blocks)
-    lines = polylines_of(fibres, "fibres").points.reshape(100, -1, 3) - corner
+    lines = arrays.polylines_of(fibres, "fibres").points.reshape(100, -1, 3) - corner
     assert np.abs(lines[:, -1, 0] - WIDTH / 2).max() < 1e-6
     assert abs((lines[:, 0, 0] < 1.0).sum() - 50) <= 3
 
@@ -149,7 +140,7 @@ def test_an_aponeurosis_may_be_several_rings_or_a_surface_within_the_muscle(bloc
             "closer to the insertion than the distal aponeurosis",
         ),
         (
-            lambda near, far, muscle: [near, Aponeurosis("distal", *checked_surface(muscle, "test"))],
+            lambda near, far, muscle: [near, Aponeurosis("distal", *arrays.checked_surface(muscle, "test"))],
             "aponeurosis covers",
         ),
     ],
@@ -172,10 +163,10 @@ def test_fibres_between_the_aponeuroses_of_a_gastrocnemius_are_as_long_as_measur
     fibres = FibreSource(n_fibres=400)(muscle, None, None, aponeuroses_data(sheets))
     tracts = read_polydata(folder / "tracts.vtp")
     tracts.SetVerts(vtkCellArray())
-    tracts = polylines_of(tracts, "tracts")
+    tracts = arrays.polylines_of(tracts, "tracts")
     measured = np.median(polyline_lengths(tracts.points, tracts.offsets))
     assert np.median(lengths_of(fibres)) == pytest.approx(measured, rel=0.08)
-    assert not cell_array(fibres, "Bent", "fibres").any()
+    assert not arrays.cell_array(fibres, "Bent", "fibres").any()
 
 
 def test_sections_are_planes_where_the_areas_overlap(block):
@@ -188,4 +179,4 @@ def test_sections_are_planes_where_the_areas_overlap(block):
     ]
     for areas, method in ((attachments, "harmonic"), (attachments_from(joined), "plane")):
         fibres = FibreSource(n_fibres=10, course="sections")(muscle, areas)
-        assert field_string(fibres, "MorphMethod") == method
+        assert arrays.field_string(fibres, "MorphMethod") == method

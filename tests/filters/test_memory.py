@@ -38,8 +38,8 @@ def in_use():
 
 
 def chain():
-    """Return the end of a chain over a spindle of 4 600 triangles between two bars, and its deformer."""
-    muscle = spindle(around=40, along=60)
+    """Return the end of a chain over a spindle of 2 200 triangles between two bars, and its deformer."""
+    muscle = spindle(around=28, along=40)
     motion = hinge("upper", (0.0, 25.0, 0.0), (1, 0, 0), ANGLES)
     posed = {"rest_bones": bones(), "bones": BoneMotion(bones=bones(), motion=motion)}
     paths = TautPaths(rest_muscle=muscle, checkpoint_memory=0.0, **posed)

@@ -3,6 +3,7 @@ import pytest
 from oracles import igl
 from phantoms import fibre_block
 from shapes import lines_of
+from slow import slow
 
 from vtkmuscle import Scene
 from vtkmuscle.data.arrays import field_array, field_string, points_of, polylines_of, triangles_of
@@ -70,7 +71,7 @@ def test_the_harmonic_method_needs_an_upright_template(block):
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize("name", ["gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis"])
+@pytest.mark.parametrize("name", [*slow("gluteus_maximus", "gluteus_medius"), "iliacus", "adductor_brevis"])
 def test_fibres_of_real_muscles_are_inside_and_do_not_zigzag(lhdl_hip, name):
     scene = Scene.load(lhdl_hip / "scene.toml")
     muscle = scene.muscles[name].surface

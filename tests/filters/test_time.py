@@ -7,19 +7,12 @@ import pytest
 from filter_case import count_calls, digest
 from sequences import check_sequences
 
+from vtkmuscle import filters
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.paths.poses import KeptPoses
 from vtkmuscle.core.paths.sheet import MusclePaths
 from vtkmuscle.core.skinning import carried_muscle
 from vtkmuscle.data.arrays import add_arrays, cell_array, points_of, surface_from, triangles_of
-from vtkmuscle.filters import (
-    BoneMotion,
-    FixedPointDetector,
-    PathDeformer,
-    TautPaths,
-    path_deformer,
-    taut_paths,
-)
 from vtkmuscle.phantoms import spindle_over_hinge
 
 STEPS = (0.0, 10.0, 20.0, 30.0, 40.0)
@@ -33,7 +26,7 @@ MOTIONS = {
 def spindle(width):
     """Return the phantom's muscle with its fixed points, narrower."""
     muscle = PHANTOM.muscles["spindle"]
-    fixed = FixedPointDetector()(muscle, PHANTOM.bones, PHANTOM.attachments["spindle"])
+    fixed = filters.FixedPointDetector()(muscle, PHANTOM.bones, PHANTOM.attachments["spindle"])
     surface = surface_from(points_of(muscle) * [width, 1.0, 1.0], triangles_of(muscle, "spindle"))
     add_arrays(surface, points={"FixedTo": np.array(fixed.GetPointData().GetArray("FixedTo"))})
     return surface
@@ -57,8 +50,8 @@ LENGTHS, POINTS = 0.02, 0.1
 
 def made(state):
     """Return the deformer of a new chain."""
-    posed = {"rest_bones": PHANTOM.bones, "bones": BoneMotion(bones=PHANTOM.bones)}
-    deformer = PathDeformer(paths=TautPaths(**posed), **posed)
+    posed = {"rest_bones": PHANTOM.bones, "bones": filters.BoneMotion(bones=PHANTOM.bones)}
+    deformer = filters.PathDeformer(paths=filters.TautPaths(**posed), **posed)
     for name, value in state.items():
         put(deformer, name, value)
     return deformer
@@ -70,7 +63,7 @@ def put(deformer, name, value):
         deformer.bones.motion = MOTIONS[value]
     elif name == "muscle":
         deformer.muscle = deformer.paths.rest_muscle = MUSCLES[value]
-    elif name in PathDeformer.parameter_declarations:
+    elif name in filters.PathDeformer.parameter_declarations:
         setattr(deformer, name, value)
     else:
         setattr(deformer.paths, name, value)
@@ -125,12 +118,12 @@ def work(monkeypatch):
     done = []
 
     count = functools.partial(count_calls, monkeypatch, done)
-    count(taut_paths, "MusclePaths", "paths at rest")
+    count(filters.taut_paths, "MusclePaths", "paths at rest")
     count(carried_muscle, "RestShape", "rest shape")
     count(carried_muscle, "Skinning", "skinning")
     count(carried_muscle, "Settling", "settling")
     count(MusclePaths, "follow", "paths")
-    count(path_deformer.CarriedMuscle, "pose", "surface")
+    count(filters.path_deformer.CarriedMuscle, "pose", "surface")
     count(KeptPoses, "levers", "levers")
     return done
 

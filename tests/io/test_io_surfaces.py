@@ -8,13 +8,7 @@ from vtkmodules.vtkFiltersSources import vtkSphereSource
 from vtkmodules.vtkIOGeometry import vtkGLTFWriter
 
 from vtkmuscle.core.mesh.surface import survey
-from vtkmuscle.data.arrays import (
-    multiblock_from,
-    point_array,
-    points_of,
-    surface_from,
-    triangles_of,
-)
+from vtkmuscle.data.arrays import multiblock_from, point_array, points_of, surface_from, triangles_of
 from vtkmuscle.io import SURFACE_SUFFIXES, read_polydata, read_surface, write_polydata
 
 

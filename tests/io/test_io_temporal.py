@@ -8,15 +8,7 @@ import pytest
 import pyvista
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
-from vtkmuscle.data.arrays import (
-    add_arrays,
-    cell_array,
-    field_array,
-    field_string,
-    point_array,
-    points_of,
-    surface_from,
-)
+from vtkmuscle.data import arrays
 from vtkmuscle.io import Series, write_polydata, writing
 from vtkmuscle.io.surfaces import steps_in
 
@@ -24,8 +16,8 @@ TIMES = (0.0, 2.5, 5.0)
 
 
 def frame(i):
-    surface = surface_from(np.eye(3) * (i + 1) / 3.0, np.array([[0, 1, 2]]))
-    add_arrays(
+    surface = arrays.surface_from(np.eye(3) * (i + 1) / 3.0, np.array([[0, 1, 2]]))
+    arrays.add_arrays(
         surface,
         points={"Velocity": np.arange(9.0).reshape(3, 3) / 7.0 * i},
         cells={"Colour": np.array([i])},
@@ -47,12 +39,14 @@ def test_a_series_is_read_back_exactly(tmp_path):
     for i in (2, 0, 1):
         reader.set_active_time_point(i)
         expected, found = frame(i), reader.read()[0]
-        assert np.array_equal(points_of(found), points_of(expected))
-        assert np.array_equal(point_array(found, "Velocity", ""), point_array(expected, "Velocity", ""))
-        assert cell_array(found, "Colour", "").tolist() == [i]
-        assert field_array(found, "VolumeRatio").tolist() == [1.0 + i / 3.0]
-        assert field_array(found, "Transform").ravel().tolist() == (np.arange(16.0) * i).tolist()
-        assert field_string(found, "Units") == "mm"
+        assert np.array_equal(arrays.points_of(found), arrays.points_of(expected))
+        assert np.array_equal(
+            arrays.point_array(found, "Velocity", ""), arrays.point_array(expected, "Velocity", "")
+        )
+        assert arrays.cell_array(found, "Colour", "").tolist() == [i]
+        assert arrays.field_array(found, "VolumeRatio").tolist() == [1.0 + i / 3.0]
+        assert arrays.field_array(found, "Transform").ravel().tolist() == (np.arange(16.0) * i).tolist()
+        assert arrays.field_string(found, "Units") == "mm"
 
 
 def test_parts_of_a_step_are_blocks(tmp_path):
@@ -61,7 +55,7 @@ def test_parts_of_a_step_are_blocks(tmp_path):
     Series(tmp_path, "ab").add_parts(1.0, {"a": tmp_path / "a.vtp", "b": tmp_path / "b.vtp"})
     blocks = pyvista.get_reader(tmp_path / "ab.pvd").read()
     assert len(blocks) == 2
-    assert np.array_equal(points_of(blocks[1]), points_of(frame(1)))
+    assert np.array_equal(arrays.points_of(blocks[1]), arrays.points_of(frame(1)))
     assert steps_in(tmp_path / "ab.pvd") == 1
 
 

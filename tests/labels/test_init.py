@@ -10,14 +10,7 @@ from vtkmodules.vtkIOGeometry import vtkSTLWriter
 
 import vtkmuscle
 from vtkmuscle.core.mesh.surface import survey
-from vtkmuscle.data.arrays import (
-    blocks_of,
-    checked_surface,
-    points_of,
-    surface_from,
-    triangles_of,
-    with_points,
-)
+from vtkmuscle.data import arrays
 from vtkmuscle.io.writing import write_polydata
 from vtkmuscle.labels import page
 from vtkmuscle.phantoms import hip
@@ -39,8 +32,8 @@ def files(tmp_path):
     written = []
     for name, part in parts.items():
         written.append(tmp_path / f"{name}.vtp")
-        write_polydata(written[-1], with_points(part, METRES * points_of(part)))
-    ring = METRES * points_of(dict(blocks_of(HIP.attachments["iliacus"]))["origin_0"])[:-1]
+        write_polydata(written[-1], arrays.with_points(part, METRES * arrays.points_of(part)))
+    ring = METRES * arrays.points_of(dict(arrays.blocks_of(HIP.attachments["iliacus"]))["origin_0"])[:-1]
     written.append(tmp_path / "iliacus_r_origin.csv")
     np.savetxt(written[-1], ring, delimiter=",")
     return written
@@ -137,7 +130,7 @@ def test_a_name_that_says_nothing_needs_a_word(files, tmp_path):
 def test_a_muscle_that_cannot_be_made_is_named_and_the_others_are_there(files, tmp_path):
     far = tmp_path / "sartorius.vtp"
     muscle = HIP.muscles["iliacus"]
-    write_polydata(far, with_points(muscle, METRES * (points_of(muscle) + 400.0)))
+    write_polydata(far, arrays.with_points(muscle, METRES * (arrays.points_of(muscle) + 400.0)))
     done = init(*files, far, "--out", tmp_path)
     assert done.exit_code == 0
     assert "left out: sartorius: the muscle is near fewer than two bones" in " ".join(done.output.split())
@@ -147,7 +140,7 @@ def test_a_muscle_that_cannot_be_made_is_named_and_the_others_are_there(files, t
 def test_surfaces_are_looked_at_before_a_guess_is_made(files, tmp_path):
     """An open muscle is left out with the remedy; a header's frame must be the stated frame."""
     torn = HIP.muscles["gluteus_medius"]
-    torn = surface_from(METRES * points_of(torn), triangles_of(torn, "medius")[1:])
+    torn = arrays.surface_from(METRES * arrays.points_of(torn), arrays.triangles_of(torn, "medius")[1:])
     write_polydata(files[2], torn)
     done = init(*files, "--out", tmp_path / "scene")
     words = " ".join(done.output.split())
@@ -166,11 +159,11 @@ def test_surfaces_are_looked_at_before_a_guess_is_made(files, tmp_path):
 def test_a_torn_muscle_is_repaired_on_request(files, tmp_path):
     """Holes, sides and crumbs of a muscle are repaired, up to a hundredth, and the given file stays."""
     whole = HIP.muscles["gluteus_medius"]
-    points, triangles = METRES * points_of(whole), triangles_of(whole, "medius")
+    points, triangles = METRES * arrays.points_of(whole), arrays.triangles_of(whole, "medius")
     crumb = points[triangles[0]].mean(axis=0) + 1e-4 * np.vstack([np.zeros(3), np.eye(3)])
     corners = len(points) + np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
     torn = np.vstack([triangles[1:50, ::-1], triangles[50:], corners])
-    write_polydata(files[2], surface_from(np.vstack([points, crumb]), torn))
+    write_polydata(files[2], arrays.surface_from(np.vstack([points, crumb]), torn))
     before = files[2].read_bytes()
     done = init(*files, "--repair", "--out", tmp_path / "scene")
     assert done.exit_code == 0, done.output
@@ -178,8 +171,8 @@ def test_a_torn_muscle_is_repaired_on_request(files, tmp_path):
     for words in ("1 hole(s), 3 edges, were closed", "49 of ", "1 small part(s) were left out"):
         assert words in guesses
     surface = vtkmuscle.Scene.load(tmp_path / "scene/scene.toml").muscles["gluteus_medius_right"].surface
-    assert survey(*checked_surface(surface, "")).volume == pytest.approx(
-        METRES**3 * survey(points_of(whole), triangles).volume, rel=1e-3
+    assert survey(*arrays.checked_surface(surface, "")).volume == pytest.approx(
+        METRES**3 * survey(arrays.points_of(whole), triangles).volume, rel=1e-3
     )
     assert files[2].read_bytes() == before
 
@@ -189,11 +182,11 @@ def test_a_torn_muscle_is_repaired_on_request(files, tmp_path):
 )
 def test_large_faults_of_a_muscle_are_not_repaired(files, tmp_path, kept, words):
     muscle = HIP.muscles["gluteus_medius"]
-    points, triangles = METRES * points_of(muscle), triangles_of(muscle, "medius")
+    points, triangles = METRES * arrays.points_of(muscle), arrays.triangles_of(muscle, "medius")
     if kept == "both":
         points, triangles = np.vstack([points, points + 0.5]), np.vstack([triangles, triangles + len(points)])
     else:
         triangles = triangles[kept]
-    write_polydata(files[2], surface_from(points, triangles))
+    write_polydata(files[2], arrays.surface_from(points, triangles))
     done = init(*files, "--repair", "--out", tmp_path / "scene")
     assert f"left out: gluteus_medius_right: {words}" in " ".join(done.output.split())

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from phantoms import hip, label_map
+from slow import slow
 
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.normals import triangle_normals
@@ -28,7 +29,7 @@ def draft_of(image, monkeypatch, **options):
     return draft_of_labels("hip.nrrd", **options)
 
 
-@pytest.fixture(scope="module", params=[pytest.param(1.5, marks=pytest.mark.slow), 3.0])
+@pytest.fixture(scope="module", params=[*slow(1.5), 3.0])
 def spacing(request):
     """Size of voxels [mm]."""
     return request.param

@@ -7,23 +7,8 @@ from xml.etree.ElementTree import fromstring
 import pytest
 from commands import python
 
-from vtkmuscle.filters import (
-    Filter,
-    FixedPointDetector,
-    InputPort,
-    OutputPort,
-    Parameter,
-    PathDeformer,
-    TautPaths,
-)
-from vtkmuscle.paraview.proxies import (
-    FILES,
-    camel_case,
-    informations_of,
-    plain,
-    properties_of,
-    proxy_parts,
-)
+from vtkmuscle import filters
+from vtkmuscle.paraview.proxies import FILES, camel_case, informations_of, plain, properties_of, proxy_parts
 from vtkmuscle.paraview.shells import all_kinds, shell_of
 
 KINDS = all_kinds()
@@ -44,7 +29,7 @@ def test_all_kinds_are_in_the_plugin():
     assert {"BoneMotion", "TautPaths", "PathDeformer", "PBDDeformer", "FibreTubes", "MuscleScene"} <= {
         kind.__name__ for kind in KINDS
     }
-    assert Filter not in KINDS
+    assert filters.Filter not in KINDS
 
 
 @every_filter
@@ -93,7 +78,7 @@ def test_nothing_else_is_in_the_proxy(kind):
     for parameter in kind.parameter_declarations.values():
         optional = parameter.kind in (int, float) and parameter.default is None
         expected += [f"Automatic{camel_case(parameter.name)}"] * optional + [camel_case(parameter.name)]
-    timed = kind.times_from is not None or kind.time_steps is not Filter.time_steps
+    timed = kind.times_from is not None or kind.time_steps is not filters.Filter.time_steps
     expected += ["TimestepValues"] * timed
     if len(kind.output_ports) > 1:
         expected += [camel_case(port.name) for port in kind.output_ports]
@@ -102,21 +87,21 @@ def test_nothing_else_is_in_the_proxy(kind):
 
 
 def test_a_preset_shows_in_the_values_that_count():
-    shown = parts(PathDeformer)
+    shown = parts(filters.PathDeformer)
     assert named(shown, "IterationsInEffect").attrib["information_only"] == "1"
-    deformer = shell_of(PathDeformer, __name__)(quality="preview")
+    deformer = shell_of(filters.PathDeformer, __name__)(quality="preview")
     assert deformer.GetIterationsInEffect() == deformer.iterations == 2
 
 
 def test_what_does_not_count_is_hidden():
-    shown = parts(FixedPointDetector)
+    shown = parts(filters.FixedPointDetector)
     voxels = named(shown, "NVoxels").find("Hints/PropertyWidgetDecorator").attrib
     assert (voxels["property"], voxels["values"], voxels["mode"]) == ("Method", "collision", "visibility")
-    for kind, name in ((TautPaths, "Resolution"), (PathDeformer, "Iterations")):
+    for kind, name in ((filters.TautPaths, "Resolution"), (filters.PathDeformer, "Iterations")):
         (ruled,) = named(parts(kind), name).iter("PropertyWidgetDecorator")
         decoration = ruled.get("property"), ruled.get("values"), ruled.get("inverse")
         assert decoration == ("Quality", "preview balanced accurate", "1")
-    assert named(parts(PathDeformer), "MeasurePenetration").find("Hints") is None
+    assert named(parts(filters.PathDeformer), "MeasurePenetration").find("Hints") is None
 
 
 @every_filter
@@ -140,22 +125,22 @@ def test_help_is_the_docstring(kind):
 
 
 def test_several_outputs_are_named():
-    class Two(Filter):
+    class Two(filters.Filter):
         """Give two things."""
 
-        first = OutputPort(Filter, doc="One.")
-        second = OutputPort(Filter, doc="Other.")
+        first = filters.OutputPort(filters.Filter, doc="One.")
+        second = filters.OutputPort(filters.Filter, doc="Other.")
 
     ports = [part for part in parts(Two) if part.tag == "OutputPort"]
     assert [(port.get("index"), port.get("name")) for port in ports] == [("0", "First"), ("1", "Second")]
 
 
 def test_a_kind_without_property_or_file_is_refused():
-    class Odd(Filter):
+    class Odd(filters.Filter):
         """Take something odd."""
 
-        thing = Parameter(dict, default=None, doc="Odd.")
-        input = InputPort(Filter, doc="X.")
+        thing = filters.Parameter(dict, default=None, doc="Odd.")
+        input = filters.InputPort(filters.Filter, doc="X.")
 
     with pytest.raises(TypeError, match=r"'thing' is a dict.*FILES"):
         properties_of(Odd.parameter_declarations["thing"])

@@ -7,11 +7,7 @@ from shapes import sphere
 from spindle import spindle
 
 from vtkmuscle.core.fibres import mean_value
-from vtkmuscle.core.fibres.embedding import (
-    sparse_mean_value_coordinates,
-    sparse_transport,
-    vertex_groups,
-)
+from vtkmuscle.core.fibres.embedding import sparse_mean_value_coordinates, sparse_transport, vertex_groups
 from vtkmuscle.core.fibres.mean_value import mean_value_coordinates, transport
 
 # An L-shaped block (concave), 12 points, outward oriented: an L in x and y, extruded along z.

@@ -107,9 +107,7 @@ def test_triangles_with_points_of_their_own_are_joined():
     loose = points[triangles].reshape(-1, 3), np.arange(triangles.size).reshape(-1, 3)
     positions = near_points(points, triangles)
     np.testing.assert_allclose(
-        solids_of(*loose).depth(positions),
-        solids_of(points, triangles).depth(positions),
-        atol=1e-12,
+        solids_of(*loose).depth(positions), solids_of(points, triangles).depth(positions), atol=1e-12
     )
 
 

@@ -50,11 +50,7 @@ def test_stretches_are_the_singular_values_of_the_map_of_each_triangle(rng):
 
 
 @settings(max_examples=30)
-@given(
-    shift=st.tuples(*[st.floats(-1e6, 1e6)] * 3),
-    angle=st.floats(-360, 360),
-    scale=st.floats(1e-3, 1e3),
-)
+@given(shift=st.tuples(*[st.floats(-1e6, 1e6)] * 3), angle=st.floats(-360, 360), scale=st.floats(1e-3, 1e3))
 def test_volume_is_that_of_the_moved_surface_and_grows_with_the_cube_of_its_size(shift, angle, scale):
     points, triangles = box((0, 0, 0), (2, 3, 5), 1.0)
     turned = apply_transform(rotation_about((1, 1, 1), (1, 2, 3), angle), points)

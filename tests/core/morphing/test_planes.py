@@ -26,16 +26,7 @@ def upright_box(points):
     return transform
 
 
-def morph(
-    points,
-    triangles,
-    cube=None,
-    transform=None,
-    *,
-    slice_tolerance=0.0,
-    continuity=0.2,
-    **other,
-):
+def morph(points, triangles, cube=None, transform=None, *, slice_tolerance=0.0, continuity=0.2, **other):
     """Return fibres in a muscle, shaped like those in the cube."""
     cube = template() if cube is None else cube
     transform = upright_box(points) if transform is None else transform

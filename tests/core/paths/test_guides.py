@@ -83,7 +83,7 @@ def mean_arms(paths, poses, moving, centre, axis):
 
 def test_mean_arms_of_carried_fibres_are_of_all_and_those_known():
     made = strung(wrapping_cylinder(), 100)
-    motion = hinge("pulley", centre=(0, 0, 0), axis=AXIS, angles=angles(0.0, 80.0, 8.0))
+    motion = hinge("pulley", centre=(0, 0, 0), axis=AXIS, angles=angles(0.0, 80.0, 16.0))
     about = made.poses(motion), [made.names.index("pulley")], (0, 0, 0), AXIS
     every = mean_arms(made.pulled(n_paths=100), *about)
     for count, within in WITHIN.items():

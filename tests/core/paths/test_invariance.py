@@ -13,6 +13,7 @@ from phantom_paths import (
     swept,
     turned,
 )
+from slow import slow
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.motion.coordinates import carried_twists, twist_about
@@ -30,9 +31,9 @@ KNOWN = [
 
 
 def hinged(number):
-    """Return a phantom's known paths and poses 10 degrees apart."""
+    """Return a phantom's known paths and poses 20 degrees apart."""
     make, settings, bone, low, high = HINGES[number]
-    return known_paths(make, **settings), turned(make, settings, bone, angles(low, high, 10.0))
+    return known_paths(make, **settings), turned(make, settings, bone, angles(low, high, 20.0))
 
 
 def remade(number, order=slice(None), way=1):
@@ -148,18 +149,17 @@ def moved_paths(make, whole, **settings):
 
 
 def test_neither_the_way_that_a_scene_is_turned_nor_its_unit_matters():
-    """A scene that is turned, or in metres, has the same ratios of lengths."""
+    """A scene that is turned and in metres has the same ratios of lengths."""
     poses = turned("wrapping_cylinder", {}, "pulley", angles(-60.0, 80.0, 20.0))
     expected = lengths(swept(known_paths("wrapping_cylinder"), poses))
     turn = rotation_about((30.0, 20.0, -10.0), np.array([2.0, -1.0, 2.0]) / 3.0, 130.0)
-    for scale in (1.0, 1e-3):
-        whole = np.diag([scale, scale, scale, 1.0]) @ turn
-        paths = moved_paths("wrapping_cylinder", whole)
-        found = lengths(swept(paths, [whole @ pose @ np.linalg.inv(whole) for pose in poses]))
-        np.testing.assert_allclose(found / scale, expected, rtol=2e-4)
+    whole = np.diag([1e-3, 1e-3, 1e-3, 1.0]) @ turn
+    paths = moved_paths("wrapping_cylinder", whole)
+    found = lengths(swept(paths, [whole @ pose @ np.linalg.inv(whole) for pose in poses]))
+    np.testing.assert_allclose(found / 1e-3, expected, rtol=2e-4)
 
 
-@pytest.mark.parametrize("number", [0, 1, 2, 3, 5])
+@pytest.mark.parametrize("number", [0, 2, *slow(1, 3, 5)])
 def test_a_scene_may_be_far_from_the_origin(number):
     """100 m: of 16 digits 10 are left for a path."""
     make, settings, bone, low, high = HINGES[number]

@@ -5,13 +5,7 @@ import pytest
 from shapes import rigid
 
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.paths.via_rings import (
-    is_inside,
-    moved_ring,
-    passes_through,
-    via_ring,
-    within_ring,
-)
+from vtkmuscle.core.paths.via_rings import is_inside, moved_ring, passes_through, via_ring, within_ring
 from vtkmuscle.phantoms.meshing import box
 
 SQUARE = np.array([(-2.0, -2.0, 0.0), (2.0, -2.0, 0.0), (2.0, 2.0, 0.0), (-2.0, 2.0, 0.0)])

@@ -5,16 +5,11 @@ import pytest
 from oracles import igl
 from scipy.ndimage import binary_dilation, label
 from shapes import ball, box, ring, union
+from slow import slow
 
 from vtkmuscle.core.mesh.solids import closed_shells
 from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.core.pbd.voxels import (
-    BOUNDARY,
-    DEFAULT_N_MAX,
-    INSIDE,
-    OUTSIDE,
-    build_voxel_grid,
-)
+from vtkmuscle.core.pbd.voxels import BOUNDARY, DEFAULT_N_MAX, INSIDE, OUTSIDE, build_voxel_grid
 from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.io import read_polydata
 
@@ -46,7 +41,7 @@ def read_bone(folder, bone):
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize("bone", [pytest.param("pelvis", marks=pytest.mark.slow), "femur_r"])
+@pytest.mark.parametrize("bone", [*slow("pelvis"), "femur_r"])
 def test_voxels_of_real_bones_miss_nothing_and_fill_nothing_but_pockets(lhdl_hip, bone):
     """The pelvis has 21 tunnels, of which a few are as narrow as a cell: what is left of them is cut off."""
     points, triangles = read_bone(lhdl_hip, bone)
@@ -93,7 +88,7 @@ def test_a_surface_without_volume_is_all_boundary(flat):
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize(("bone", "published"), [("pelvis", 2_079_360), ("femur_r", 2_064_480)])
+@pytest.mark.parametrize(("bone", "published"), [*slow(("pelvis", 2_079_360)), ("femur_r", 2_064_480)])
 def test_real_bones_have_about_as_many_cells_as_published(lhdl_hip, bone, published):
     points, triangles = read_bone(lhdl_hip, bone)
     grid = build_voxel_grid(points, triangles, n_max=DEFAULT_N_MAX)

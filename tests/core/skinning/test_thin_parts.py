@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from slow import slow
 
 from vtkmuscle.core.bones.bone import bone_of
 from vtkmuscle.core.fixed_muscle import FixedMuscle
@@ -23,7 +24,7 @@ SECTIONS = {"cord": (2.0, 2.0), "band": (6.0, 1.0), "sheet": (15.0, 0.75)}
 MESHES = {"even": (12, 100), "coarse": (4, 30), "slivers": (16, 10)}
 CASES = [(section, mesh) for section in SECTIONS for mesh in MESHES]
 #: Rounds of settling and segments of a path, of the qualities preview, balanced and accurate.
-QUALITIES = [(2, 24), (5, 32), (20, 64)]
+QUALITIES = pytest.mark.parametrize(("rounds", "segments"), [*slow((2, 24)), (5, 32), *slow((20, 64))])
 
 
 def tube(outline, rows):
@@ -87,16 +88,18 @@ def inside(muscle, section):
     )
 
 
+@QUALITIES
 @pytest.mark.parametrize(("section", "mesh"), CASES)
 @pytest.mark.parametrize(("stretch", "bound"), [(1.5, 0.12), (0.6, 0.45)])
-def test_a_tendon_that_is_pulled_or_shortened_is_straight_and_keeps_its_volume(section, mesh, stretch, bound):
+def test_a_tendon_that_is_pulled_or_shortened_is_straight_and_keeps_its_volume(
+    section, mesh, stretch, bound, rounds, segments
+):
     """Affine: as much thinner across as keeps its volume. The bounds are those of the sheet, 30 mm wide."""
     muscle, poses = tendon(section, mesh), np.tile(np.eye(4), (3, 1, 1))
     poses[:, 2, 3] = (1.0 - stretch) * LENGTH * np.linspace(1.0 / 3.0, 1.0, 3)
     known = muscle.points * [stretch**-0.5, stretch**-0.5, stretch] + [0.0, 0.0, (1.0 - stretch) * LENGTH]
-    for rounds, segments in QUALITIES:
-        off = np.linalg.norm(moved(muscle, poses, rounds, segments) - known, axis=1)[inside(muscle, section)]
-        assert off.max() < bound * (1.0 if section == "sheet" else 0.5)
+    off = np.linalg.norm(moved(muscle, poses, rounds, segments) - known, axis=1)[inside(muscle, section)]
+    assert off.max() < bound * (1.0 if section == "sheet" else 0.5)
 
 
 def edge(thickness):
@@ -127,17 +130,17 @@ def bent(points, thickness, turn):
     )
 
 
+@QUALITIES
 @pytest.mark.parametrize(("section", "mesh"), CASES)
-def test_a_tendon_bends_over_an_edge(section, mesh):
+def test_a_tendon_bends_over_an_edge(section, mesh, rounds, segments):
     """By 90 degrees; 24 segments are each 4 to 5 mm long, so that the polyline is up to 0.2 mm inside."""
     muscle, (_, thickness) = tendon(section, mesh), SECTIONS[section]
     bones = {1: bone_of(*edge(thickness))}
     centre = 0.0, EDGE + thickness, LENGTH / 2.0
     poses = [rotation_about(centre, (1.0, 0.0, 0.0), angle) for angle in np.linspace(0.0, 90.0, 10)[1:]]
     known = bent(muscle.points, thickness, np.pi / 2.0)
-    for rounds, segments in QUALITIES:
-        off = np.linalg.norm(moved(muscle, poses, rounds, segments, bones) - known, axis=1)
-        assert np.percentile(off[inside(muscle, section)], 95) < 1.4
+    off = np.linalg.norm(moved(muscle, poses, rounds, segments, bones) - known, axis=1)
+    assert np.percentile(off[inside(muscle, section)], 95) < 1.4
 
 
 def belly(sides=24, rows=40):
@@ -159,7 +162,8 @@ def belly(sides=24, rows=40):
     return FixedMuscle(points, triangles, fixed_to, fibres=lines)
 
 
-def test_a_muscle_that_shortens_to_three_fifths_thickens_smoothly():
+@QUALITIES
+def test_a_muscle_that_shortens_to_three_fifths_thickens_smoothly(rounds, segments):
     """To 0.6^(-1/2) of its thickness, but for its ends, which keep theirs."""
     muscle, poses = belly(), np.tile(np.eye(4), (8, 1, 1))
     topology = muscle.topology()
@@ -167,12 +171,11 @@ def test_a_muscle_that_shortens_to_three_fifths_thickens_smoothly():
     rises = np.abs(np.diff(muscle.points[topology.edges, 2], axis=1)[:, 0])
     across = (lengths > 0.0) & (rises < np.cos(np.radians(72.0)) * lengths)
     poses[:, 2, 3] = 0.4 * LENGTH * np.linspace(0.125, 1.0, 8)
-    for rounds, segments in QUALITIES:
-        surface = moved(muscle, poses, rounds, segments)
-        middle = np.abs(muscle.points[:, 2] - LENGTH / 2.0) < 0.2 * LENGTH
-        thicker = np.hypot(*surface[middle, :2].T) / np.hypot(*muscle.points[middle, :2].T)
-        np.testing.assert_allclose(thicker, 0.6**-0.5, rtol=0.08)
-        report = RestShape(muscle.points, topology).compare(surface)
-        assert report.dihedral_error_p95 < 20.0
-        stretch = edge_lengths(surface, topology.edges[across]) / lengths[across]
-        assert 0.8 < np.percentile(stretch, 5) < np.percentile(stretch, 95) < 1.4
+    surface = moved(muscle, poses, rounds, segments)
+    middle = np.abs(muscle.points[:, 2] - LENGTH / 2.0) < 0.2 * LENGTH
+    thicker = np.hypot(*surface[middle, :2].T) / np.hypot(*muscle.points[middle, :2].T)
+    np.testing.assert_allclose(thicker, 0.6**-0.5, rtol=0.08)
+    report = RestShape(muscle.points, topology).compare(surface)
+    assert report.dihedral_error_p95 < 20.0
+    stretch = edge_lengths(surface, topology.edges[across]) / lengths[across]
+    assert 0.8 < np.percentile(stretch, 5) < np.percentile(stretch, 95) < 1.4

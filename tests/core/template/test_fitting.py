@@ -16,10 +16,7 @@ from vtkmuscle.core.template import (
 )
 
 SIDES = np.array([20.0, 40.0, 120.0])
-PARALLEL = (
-    TEMPLATES["parallel"].areas(0).reshape(-1, 3),
-    TEMPLATES["parallel"].areas(-1).reshape(-1, 3),
-)
+PARALLEL = (TEMPLATES["parallel"].areas(0).reshape(-1, 3), TEMPLATES["parallel"].areas(-1).reshape(-1, 3))
 
 
 def block(n=6):

@@ -1,13 +1,18 @@
-"""Names that a scene gives are text wherever they are written: no formula, no markup."""
+"""The files of a run say what they are; names of a scene are text in them, no formula and no markup."""
 
 import csv
 import html
 
 import pytest
 from commands import vtkmuscle_
+from faults import files_in
 from tiny_scene import HINGE, TOML, write_tiny_scene
 
+import vtkmuscle
 from vtkmuscle import Table
+from vtkmuscle.data.arrays import field_array, field_string
+from vtkmuscle.filters import provenance_of
+from vtkmuscle.io import read_polydata
 
 NAME = '=1+1 <script>alert("x")</script> &amp;'
 
@@ -43,3 +48,22 @@ def test_a_page_shows_a_name_and_no_markup_of_it(run):
 def test_files_that_were_not_written_are_not_named(run):
     assert "lengths.csv" in run[0]
     assert "figures" not in run[0]
+
+
+def test_files_say_what_they_are(run):
+    for name in ("spindle", "spindle_fibres", "bones"):
+        frame = read_polydata(files_in(run[1] / f"{name}.pvd")[-1])
+        assert field_string(frame, "Units") == "mm"
+        assert field_string(frame, "Scene") == "tiny"
+        assert field_string(frame, "Version") == vtkmuscle.__version__
+    muscle = read_polydata(files_in(run[1] / "spindle.pvd")[1])
+    steps = {step["filter"]: step["parameters"] for step in provenance_of(muscle)}
+    assert {"FixedPointDetector", "BoneMotion", "SliceMorpher", "TautPaths", "PathDeformer"} <= set(steps)
+    assert steps["PathDeformer"]["iterations"] == 3
+    assert field_array(muscle, "VolumeRatio")[0] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_what_cannot_be_exported_is_said(run, tmp_path):
+    done = vtkmuscle_("export", run[1], tmp_path / "page.gltf")
+    assert done.exit_code == 2
+    assert "unknown format of an export; end its name in .osim" in done.output
