@@ -154,8 +154,7 @@ class Draft:
             centre = {"centre": [scale * value for value in joint["centre"]]} if "centre" in joint else {}
             add(f"joints.{name}", joint | centre)
         if self.sweep:
-            add("motion", {"file": "motion.sto"})
-            write_text(out / "motion.sto", _sweep(self.sweep))
+            add("motion", _motion(self.sweep, out / "motion.sto"))
         kept = ("units", *(f"joints.{name}." for name in self.joints))
         sure = {guess.what: guess.confidence for guess in self.guesses if guess.what.startswith(kept)}
         add("guessed", {f'"{what}"': round(confidence, 4) for what, confidence in sure.items()})
@@ -180,12 +179,20 @@ class Draft:
             yield name, kind, report.volume if report.closed else "", report.area, report.n_triangles
 
 
-def _sweep(limits: Mapping[str, float]) -> str:
-    """Return a motion from rest to the largest angles [degrees]."""
-    columns = [angle * np.linspace(0.0, 1.0, 13) for angle in (max(limits.values()), *limits.values())]
-    rows = ["\t".join(f"{value:g}" for value in row) for row in np.transpose(columns)]
-    head = ["sweep", "inDegrees=yes", f"nRows={len(rows)}", f"nColumns={len(columns)}", "endheader"]
-    return "\n".join([*head, "\t".join(["time", *limits]), *rows]) + "\n"
+def _motion(limits: Mapping[str, float], path: Path) -> dict[str, Any]:
+    """Return a motion from rest to the largest angles [degrees]: a grid of one or two coordinates.
+
+    Further coordinates go up in turn, the one before down, in a file.
+    """
+    if len(limits) < 3:
+        steps = 12 if len(limits) == 1 else 4
+        return {"grid": {name: [0, most, most / steps] for name, most in limits.items()}}
+    turns = np.arange(12 * len(limits) + 1) / 12.0
+    columns = [most * np.clip(1.0 - np.abs(turns - k), 0.0, 1.0) for k, most in enumerate(limits.values(), 1)]
+    rows = ["\t".join(f"{value:g}" for value in row) for row in np.transpose([turns, *columns])]
+    head = ["sweep", "inDegrees=yes", f"nRows={len(rows)}", f"nColumns={len(columns) + 1}", "endheader"]
+    write_text(path, "\n".join([*head, "\t".join(["time", *limits]), *rows]) + "\n")
+    return {"file": path.name}
 
 
 #: The longest side of a scene's bones is 20 mm to 2 m, so a smaller number is not in mm.
