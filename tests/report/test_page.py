@@ -82,7 +82,7 @@ def test_of_many_muscles_a_line_is_shown_and_the_numbers_on_demand(run_folder, m
     _, result = run_folder
     assert summaries(page_of(result)) == [[], []]
     few = words_of(page_of(result))
-    monkeypatch.setattr("vtkmuscle.report.page.MANY", 1)
+    monkeypatch.setattr("vtkmuscle.report.page.MOST_LISTED", 1)
     many = page_of(result)
     assert [len(found) for found in summaries(many)] == [1, 1]
     assert set(few.split()) == set(words_of(many).split()), "nothing is lost"

@@ -21,12 +21,8 @@ from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data.arrays import add_arrays, checked_surface, field_array, field_strings, surface_from
 
-#: Margin around a label [voxels], enough for the Gaussian and a Newton step.
+#: Margin around a label [voxels]: four standard deviations of the default Gaussian, and a Newton step.
 MARGIN = 4
-#: Radius of the Gaussian [standard deviations]: 0.3 % of the weight is beyond.
-_TRUNCATED = 3.0
-#: Voxels of a piece share a corner; voxels around a piece share a face.
-_TOUCHING = np.ones((3, 3, 3), dtype=np.bool_)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +95,8 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
     """
     if not mask.any():
         raise InputError("", "no voxel has this label")
-    numbers, count = ndimage.label(mask, _TOUCHING)
+    # Voxels of a piece share a corner; voxels around a piece share a face.
+    numbers, count = ndimage.label(mask, ndimage.generate_binary_structure(3, 3))
     sizes = np.bincount(numbers.ravel(), minlength=count + 1)[1:]
     piece = numbers == 1 + int(np.argmax(sizes))
     cut = int(piece.sum() - piece[inner].sum())
@@ -116,7 +113,7 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
     boundary = boundary - np.sign(boundary) * np.float32(0.5 * spacing.min())
     values = boundary
     if smoothing > 0.0:
-        values = ndimage.gaussian_filter(boundary, smoothing, truncate=_TRUNCATED)
+        values = ndimage.gaussian_filter(boundary, smoothing)
     inside = int(solid.sum())
     lowest = np.partition(values.ravel(), (inside - 1, inside))
     level = 0.5 * (lowest[inside - 1] + lowest[inside])
@@ -127,7 +124,7 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
 #: Field arrays of an image: label values and names.
 VALUES, NAMES = "LabelValues", "LabelNames"
 #: Largest label, of 16 bits; MuscleMap has labels up to 8172.
-MOST = 65535
+MOST = np.iinfo(np.uint16).max
 
 
 def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, str]) -> vtkImageData:

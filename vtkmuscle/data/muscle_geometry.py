@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.attachments.patches import attachment_patch, discs_over
+from vtkmuscle.core.attachments.patches import FARTHEST_LANDMARK, attachment_patch, discs_over
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fibres.between_areas import EndSurface
 from vtkmuscle.core.mesh import surface as surfaces
@@ -165,14 +165,8 @@ def outward_tree(points: Floats, triangles: NDArray[np.int64]) -> TriangleTree:
 #: Ratio of surface within a ring to the ring's disc above which the ring surrounds the muscle, and fibres end
 #: on the disc: a hemisphere has 2.
 BULGE = 2.0
-#: Largest part of a surface ring deeper in the muscle than a mean edge: a single landmark may be inexact.
-DEEP = 0.05
-#: Largest distance of an aponeurosis from its muscle, relative to the muscle's extent: finds wrong units.
-FARTHEST = 0.05
 #: Largest part of a muscle's surface that an aponeurosis may cover: the two sides of a sheet have half each.
 COVERS = 0.6
-#: Largest common part of two aponeuroses: rings may share a rim.
-OVERLAP = 0.05
 #: Distance of positions on a surface, in mean edges: rounding and projection, well below an edge.
 TOUCHING = 0.1
 #: Sample positions on a surface: standard error of a share of 5 % is 1 %.
@@ -204,7 +198,7 @@ def aponeurosis_surfaces(
     """Return the proximal and the distal aponeurosis of a muscle."""
     proximal, distal = (_aponeurosis(aponeuroses, side, geometry, where) for side in SIDES)
     overlap = max(_share_in(proximal, distal, geometry), _share_in(distal, proximal, geometry))
-    if overlap > OVERLAP:
+    if overlap > surfaces.NOISE:  # rings may share a rim
         problem = f"the aponeuroses overlap: {100 * overlap:.0f} % of an area is in both"
         raise InputError(where, problem, "make an aponeurosis smaller; fibres run between both")
     landmarks = [[area.landmarks for area in areas if area.role == role] for role in ROLES]
@@ -270,7 +264,7 @@ def _within(area: AttachmentArea, geometry: MuscleGeometry) -> tuple[Floats, Int
     ring, disc = area.landmarks, discs_over([area.landmarks])
     share = np.linspace(0.0, 1.0, 8, endpoint=False)[:, None, None]
     around = (1.0 - share) * ring + share * np.roll(ring, -1, axis=0)
-    inside = (geometry.solids.depth(around.reshape(-1, 3)) > geometry.mean_edge).mean() > DEEP
+    inside = (geometry.solids.depth(around.reshape(-1, 3)) > geometry.mean_edge).mean() > surfaces.NOISE
     patch = geometry.on(geometry.patch(area)).area
     return disc if inside or patch > BULGE * _area(*disc) > 0.0 else None
 
@@ -282,7 +276,7 @@ def _area(points: Floats, triangles: Ints) -> float:
 
 def _check_distance(points: Floats, geometry: MuscleGeometry, where: str) -> None:
     away = np.maximum(geometry.solids.distances(points), 0.0)
-    allowed = max(FARTHEST * extent(geometry.points), geometry.mean_edge)
+    allowed = max(FARTHEST_LANDMARK * extent(geometry.points), geometry.mean_edge)
     worst = int(away.argmax())
     if away[worst] > allowed:
         problem = f"point {worst} is {away[worst]:.4g} from the muscle, of {allowed:.4g} allowed"

@@ -15,6 +15,7 @@ from vtkmodules.vtkIOGeometry import vtkSTLWriter
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import group_fibres
+from vtkmuscle.core.motion.coordinates import MILLIMETRES
 from vtkmuscle.core.motion.rigid import apply_transform, inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, with_points
@@ -30,7 +31,7 @@ from vtkmuscle.opensim.muscle_paths import FunctionPath, PointPath, moment_arm
 from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.table import Table
-from vtkmuscle.scene.data import MILLIMETRES, SceneError, SceneFiles, parsed
+from vtkmuscle.scene.data import SceneError, SceneFiles, parsed
 from vtkmuscle.scene.joints import SceneJoints, coordinate_values, joints_of, pin_joint_of
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scenes import Scene

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from vtkmuscle import __version__
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
+from vtkmuscle.core.words import MOST_LISTED
 from vtkmuscle.data import package_text
 from vtkmuscle.io.literature import label_of
 from vtkmuscle.io.writing import write_text
@@ -121,10 +122,6 @@ def svg_curve(x: Floats, y: Floats, x_unit: str, y_unit: str) -> dict[str, Any]:
     return {"size": _SIZE, "points": points, "zero": f"{zero[0]:.1f}", "labels": labels}
 
 
-#: Number of muscles above which the cards are collapsed.
-MANY = 6
-
-
 def page_of(run: Result) -> str:
     """Return the page of a run as text. The page needs no external resources."""
     report, pack = run.report, Pack()
@@ -133,7 +130,7 @@ def page_of(run: Result) -> str:
     return rendered(
         "report.html",
         run=run,
-        many=MANY,
+        many=MOST_LISTED,
         span=[number(run.times[0]), number(run.times[-1])],
         angles=ANGLES,
         quantities=QUANTITIES,
