@@ -37,23 +37,6 @@ def _cache_of_its_own(tmp_path_factory):
         yield
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _templates_compiled_once():
-    """Compile the templates of pages once a process, not once a page: hundreds of runs write a page."""
-    import jinja2
-
-    compiled, compile_ = {}, jinja2.Environment.compile
-
-    def compiled_once(environment, *template):
-        if template not in compiled:
-            compiled[template] = compile_(environment, *template)
-        return compiled[template]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(jinja2.Environment, "compile", compiled_once)
-        yield
-
-
 @pytest.fixture
 def rng():
     """Random numbers, the same in every run."""

@@ -16,12 +16,12 @@ from vtkmuscle import Scene, SceneError
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
+from vtkmuscle.core.motion.coordinates import MILLIMETRES
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.data.arrays import cell_array, point_array, points_of, polylines_of, triangles_of
 from vtkmuscle.io import read_polydata
 from vtkmuscle.run import frame_numbers
 from vtkmuscle.run.measure import MuscleMeasure
-from vtkmuscle.scene.data import MILLIMETRES
 
 #: How far a pose asked for alone may be from the same pose after others: where its paths start differs [mm].
 SOLVED = 0.02

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
-from vtkmuscle.core.words import ByName, suggestion
+from vtkmuscle.core.words import ByName, listed, suggestion
 from vtkmuscle.core.words import names as as_names
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.plotting.drawing import html_picture
@@ -26,9 +26,6 @@ from vtkmuscle.scene.writing import write_scene
 
 if TYPE_CHECKING:
     from vtkmuscle.phantoms.phantom import Phantom
-
-#: Most muscles listed by name in ``repr``: two lines of a terminal.
-_MOST_LISTED = 8
 
 #: Fields of a scene that are no settings.
 _CONTENT = ("name", "bones", "muscles", "motion", "files")
@@ -227,10 +224,8 @@ class Scene(SceneData, ByName):
         return f"<p>{escape(repr(self))}</p>{picture}"
 
     def __repr__(self) -> str:
-        muscles = ", ".join(self.muscles)
-        listed = muscles if len(self.muscles) <= _MOST_LISTED else f"{len(self.muscles)} muscles"
-        times = f"{len(self.motion.times)} frames"
-        return f"Scene({self.name!r}: {listed}; bones {', '.join(self.bones)}; {times}; {self.units})"
+        muscles, times = listed(list(self.muscles)), f"{len(self.motion.times)} frames"
+        return f"Scene({self.name!r}: {muscles}; bones {', '.join(self.bones)}; {times}; {self.units})"
 
     def with_muscles(self, *names: str) -> Self:
         """Return the scene with selected muscles, in order. Unknown names raise a SceneError."""

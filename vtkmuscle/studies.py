@@ -24,7 +24,8 @@ from vtkmuscle.scenes import Scene
 
 #: Columns that every table has after the subject or the settings; columns of numbers follow.
 COLUMNS = ("muscle", "verdict", "message", "folder")
-#: A subject's name is cut to this number of characters in the name of its folder.
+#: A subject's name is cut to this number of characters in the name of its folder: file systems hold 255
+#: bytes.
 _LONGEST = 40
 
 Row = dict[str, Any]

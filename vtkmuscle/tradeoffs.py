@@ -15,6 +15,7 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import root_mean_square
+from vtkmuscle.core.motion.coordinates import MILLIMETRES
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters.deformer import PRESETS
@@ -22,7 +23,6 @@ from vtkmuscle.filters.taut_paths import PATH_PRESETS
 from vtkmuscle.io.literature import curves_for, drawn
 from vtkmuscle.io.writing import Outputs
 from vtkmuscle.run import Result, Table
-from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scenes import Scene
 from vtkmuscle.studies import Row, folder_name, run_labelled
 

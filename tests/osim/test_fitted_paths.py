@@ -104,7 +104,6 @@ def test_points_that_were_fixed_are_found_again():
 
 def test_a_roller_is_found_again(monkeypatch):
     monkeypatch.setattr(fitted_paths, "PLACES", (0.5,))
-    monkeypatch.setattr(fitted_paths, "RADII", (0.04,))
     values = {"hip": np.zeros(8), "knee": np.linspace(-0.5, 0.2, 8)}
     roller = Cylinder("femur", np.array([0.0, -0.4, 0.0]), np.array([0.0, 0.0, 1.0]), 0.04, 0)
     ends = [PathPoint("femur", (0.03, -0.1, 0.0)), PathPoint("tibia", (0.05, -0.1, 0.0))]

@@ -74,7 +74,7 @@ def test_a_fine_muscle_keeps_some_of_its_points_and_they_move_as_they_do():
 
 @pytest.mark.parametrize(("count", "most"), [(1, 1), (2, 2), (120, 120), (1000, 120)])
 def test_of_many_frames_as_many_are_shown_as_a_page_bears(count, most):
-    shown = scene3d.shown_frames(count)
+    shown = scene3d.shown_of(count)
     assert len(shown) == most
     assert shown[0] == 0
     assert shown[-1] == count - 1

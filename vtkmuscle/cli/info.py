@@ -10,6 +10,7 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.types import Floats
+from vtkmuscle.core.words import MOST_LISTED, listed
 from vtkmuscle.data.arrays import joined_triangles, points_of, triangles_of
 from vtkmuscle.io import read_landmarks, read_named_points, read_polydata
 from vtkmuscle.io.surfaces import stated_frame
@@ -21,8 +22,6 @@ from vtkmuscle.run.store import ResultFolder
 
 #: Suffixes of landmarks and of motions.
 LANDMARKS, MOTIONS = (".csv", ".json", ".fcsv", ".nrrd"), (".mot", ".sto")
-#: Longest list of names that is printed whole.
-_MOST = 12
 
 
 def facts_of(file: Path) -> Mapping[str, str]:
@@ -51,7 +50,7 @@ def draw_landmarks(file: Path, picture: Path) -> None:
     for axes, (across, up) in zip(figure.subplots(1, 3), ((0, 1), (0, 2), (1, 2)), strict=True):
         axes.plot(line[:, across], line[:, up], "-", linewidth=1.0)
         axes.plot(points[:, across], points[:, up], "k.", markersize=4.0)
-        if len(points) <= 3 * _MOST:
+        if len(points) <= 3 * MOST_LISTED:
             for number, (name, point) in enumerate(zip(names, points, strict=False)):
                 axes.annotate((name or str(number)).replace("$", r"\$"), point[[across, up]], fontsize=7)
         axes.set_xlabel("xyz"[across])
@@ -107,9 +106,7 @@ def _bounds(points: Floats) -> str:
 
 
 def _listed(names: list[str]) -> str:
-    more = f", and {len(names) - _MOST} more" if len(names) > _MOST else ""
-    counted = f"{len(names)}: " if len(names) > 1 else ""
-    return counted + ", ".join(names[:_MOST]) + more if names else "none"
+    return (f"{len(names)}: " if len(names) > 1 else "") + listed(names)
 
 
 def _of_run(folder: Path) -> dict[str, str]:

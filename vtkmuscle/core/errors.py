@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-#: Most bytes of a mesh, a series or a table.
+#: Most bytes of a mesh, a series or a table: 86 million triangles of a binary STL.
 MOST_BYTES = 4 * 1024**3
-#: Most bytes of a scene, a template or a list of landmarks.
+#: Most bytes of a scene, a template or a list of landmarks: a million landmarks of 64 letters.
 MOST_TEXT = 64 * 1024**2
 
 

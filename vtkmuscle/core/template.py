@@ -59,7 +59,7 @@ from vtkmuscle.core.mesh.normals import perpendiculars
 from vtkmuscle.core.mesh.polylines import proper_segments, segments
 from vtkmuscle.core.mesh.sampling import skewed_direction, sobol
 from vtkmuscle.core.mesh.surface import extent
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import ROUNDING, SAME, Floats, Ints
 
 #: Degrees of the Bezier curves.
 DEGREES = (2, 3, 4)
@@ -183,11 +183,8 @@ _KINDS = tomllib.loads((files("vtkmuscle.core") / "templates.toml").read_text(en
 #: The template of each kind.
 TEMPLATES = {kind: template_from(content, "templates.toml") for kind, content in _KINDS.items()}
 KINDS = tuple(TEMPLATES)
-#: Costs equal within this difference tie, as a template's symmetries do; the first box counts.
-TIE = 1e-9
-#: Shortest edge of an outline, as a part of its length: shorter edges come from rounding.
-SHORTEST_EDGE = 1e-6
-#: Longest piece of a superficial fibre, as a part of the muscle's extent.
+#: Longest piece of a superficial fibre, as a part of the muscle's extent: straight within 1e-4 of the extent,
+#: in a bend with half of the extent as its radius.
 LONGEST_PIECE = 0.02
 
 
@@ -221,7 +218,7 @@ def centroid_axis(origin: Floats, insertion: Floats) -> Floats:
     """Return the unit vector between the centroids, or raise a ValueError where these coincide."""
     difference: Floats = insertion.mean(axis=0) - origin.mean(axis=0)
     length = float(np.linalg.norm(difference))
-    if not length > 1e-9 * float(np.ptp(np.vstack([origin, insertion]), axis=0).max()):
+    if not length > ROUNDING * float(np.ptp(np.vstack([origin, insertion]), axis=0).max()):
         problem = "the centroids of the origin and insertion landmarks coincide and give no axis"
         raise InputError("", problem, "set axis='principal'")
     return difference / length
@@ -291,7 +288,8 @@ def fit_box(
     costs = errors / (sum(map(len, areas)) * extent(points))
     if guide is not None:
         costs += [guide(box) for box in boxes]
-    best = int((costs <= costs.min() + TIE).argmax())
+    # The first of costs that tie, as for a symmetric template.
+    best = int((costs <= costs.min() + ROUNDING).argmax())
     return BoxFit(boxes[best], float(errors[best]), float(steps[best]), float(costs[best]))
 
 
@@ -340,11 +338,11 @@ def _least_rectangle_angle(outline: Floats, marker: Floats) -> float:
     """
     edges = np.roll(outline, -1, axis=0) - outline
     lengths = np.linalg.norm(edges, axis=1)
-    edges = edges[lengths > SHORTEST_EDGE * lengths.sum()]
+    edges = edges[lengths > SAME * lengths.sum()]
     directions = edges / np.linalg.norm(edges, axis=1)[:, None]
     sideways = np.column_stack([-directions[:, 1], directions[:, 0]])
     areas = np.ptp(outline @ directions.T, axis=0) * np.ptp(outline @ sideways.T, axis=0)
-    least = areas <= areas.min() * (1.0 + TIE)
+    least = areas <= areas.min() * (1.0 + ROUNDING)
     sides = np.vstack([directions[least], -directions[least], sideways[least], -sideways[least]])
     x, y = sides[int((sides @ marker).argmax())]
     return float(np.arctan2(y, x))

@@ -1,4 +1,4 @@
-"""Array types of functions; docstrings give the shapes."""
+"""Array types of functions, and tolerances; docstrings give the shapes."""
 
 from collections.abc import Callable
 
@@ -12,6 +12,10 @@ Bools = NDArray[np.bool_]
 FloatMap = Callable[[Floats], Floats]
 #: Takes the finished part of a computation, from 0 to 1; may raise, to stop.
 Progress = Callable[[float], None]
+#: Part of a size or range within which positions or values are the same: files have seven digits.
+SAME = 1e-6
+#: Part of a size below which a difference is rounding: of 16 digits a computation loses up to seven.
+ROUNDING = 1e-9
 
 
 def quiet(part: float) -> None:

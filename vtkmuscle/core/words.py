@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from typing import Any
 
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 80
-_SHORT.maxlong = 40
 _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = 8
 _SHORT.maxlevel = 3
-#: Most words that a suggestion lists: a few lines of a terminal.
-_MOST = 20
+#: Most names that a message lists, and rows of a table in a cell: a few lines of a terminal.
+MOST_LISTED = 20
 #: What to write for names that other packages have.
 _ELSEWHERE = {
     "fibers": "fibres",
@@ -47,8 +46,13 @@ def suggestion(word: str, allowed: Iterable[str]) -> str:
     allowed = list(allowed)
     nearest = get_close_matches(word, allowed, n=1, cutoff=0.5) or [each for each in allowed if word in each]
     meant = f"did you mean {nearest[0]!r}? " if nearest else ""
-    more = f" and {len(allowed) - _MOST} more" if len(allowed) > _MOST else ""
-    return f"{meant}allowed: {', '.join(allowed[:_MOST]) or 'none'}{more}"
+    return f"{meant}allowed: {listed(allowed)}"
+
+
+def listed(words: Sequence[str]) -> str:
+    """Return words in a line, and the number of those beyond :data:`MOST_LISTED`."""
+    more = [f"and {len(words) - MOST_LISTED} more"] * (len(words) > MOST_LISTED)
+    return ", ".join([*words[:MOST_LISTED], *more]) or "none"
 
 
 class Remedies:

@@ -25,8 +25,6 @@ from vtkmuscle.data.arrays import add_arrays, checked_surface, field_array, fiel
 MARGIN = 4
 #: Radius of the Gaussian [standard deviations]: 0.3 % of the weight is beyond.
 _TRUNCATED = 3.0
-#: Voxels of a piece share a corner; voxels around a piece share a face.
-_TOUCHING = np.ones((3, 3, 3), dtype=np.bool_)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +97,8 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
     """
     if not mask.any():
         raise InputError("", "no voxel has this label")
-    numbers, count = ndimage.label(mask, _TOUCHING)
+    # Voxels of a piece share a corner; voxels around a piece share a face.
+    numbers, count = ndimage.label(mask, ndimage.generate_binary_structure(3, 3))
     sizes = np.bincount(numbers.ravel(), minlength=count + 1)[1:]
     piece = numbers == 1 + int(np.argmax(sizes))
     cut = int(piece.sum() - piece[inner].sum())
@@ -127,7 +126,7 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
 #: Field arrays of an image: label values and names.
 VALUES, NAMES = "LabelValues", "LabelNames"
 #: Largest label, of 16 bits; MuscleMap has labels up to 8172.
-MOST = 65535
+MOST = np.iinfo(np.uint16).max
 
 
 def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, str]) -> vtkImageData:

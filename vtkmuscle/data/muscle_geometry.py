@@ -165,14 +165,10 @@ def outward_tree(points: Floats, triangles: NDArray[np.int64]) -> TriangleTree:
 #: Ratio of surface within a ring to the ring's disc above which the ring surrounds the muscle, and fibres end
 #: on the disc: a hemisphere has 2.
 BULGE = 2.0
-#: Largest part of a surface ring deeper in the muscle than a mean edge: a single landmark may be inexact.
-DEEP = 0.05
 #: Largest distance of an aponeurosis from its muscle, relative to the muscle's extent: finds wrong units.
 FARTHEST = 0.05
 #: Largest part of a muscle's surface that an aponeurosis may cover: the two sides of a sheet have half each.
 COVERS = 0.6
-#: Largest common part of two aponeuroses: rings may share a rim.
-OVERLAP = 0.05
 #: Distance of positions on a surface, in mean edges: rounding and projection, well below an edge.
 TOUCHING = 0.1
 #: Sample positions on a surface: standard error of a share of 5 % is 1 %.
@@ -204,7 +200,7 @@ def aponeurosis_surfaces(
     """Return the proximal and the distal aponeurosis of a muscle."""
     proximal, distal = (_aponeurosis(aponeuroses, side, geometry, where) for side in SIDES)
     overlap = max(_share_in(proximal, distal, geometry), _share_in(distal, proximal, geometry))
-    if overlap > OVERLAP:
+    if overlap > surfaces.NOISE:  # rings may share a rim
         problem = f"the aponeuroses overlap: {100 * overlap:.0f} % of an area is in both"
         raise InputError(where, problem, "make an aponeurosis smaller; fibres run between both")
     landmarks = [[area.landmarks for area in areas if area.role == role] for role in ROLES]
@@ -270,7 +266,7 @@ def _within(area: AttachmentArea, geometry: MuscleGeometry) -> tuple[Floats, Int
     ring, disc = area.landmarks, discs_over([area.landmarks])
     share = np.linspace(0.0, 1.0, 8, endpoint=False)[:, None, None]
     around = (1.0 - share) * ring + share * np.roll(ring, -1, axis=0)
-    inside = (geometry.solids.depth(around.reshape(-1, 3)) > geometry.mean_edge).mean() > DEEP
+    inside = (geometry.solids.depth(around.reshape(-1, 3)) > geometry.mean_edge).mean() > surfaces.NOISE
     patch = geometry.on(geometry.patch(area)).area
     return disc if inside or patch > BULGE * _area(*disc) > 0.0 else None
 

@@ -10,18 +10,17 @@ from vtkmodules.vtkCommonDataModel import vtkDataSet
 from vtkmodules.vtkFiltersCore import vtkCellCenters, vtkMaskPoints
 
 from vtkmuscle.core.errors import InputError, errors_at
-from vtkmuscle.core.fibres.direction_field import DirectionField
+from vtkmuscle.core.fibres.direction_field import AT_ONCE, CANDIDATES, NEIGHBOURS, DirectionField
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, points_of, shallow_copy
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
-#: Positions between two reports of progress; bounds the memory of the neighbour search.
-AT_ONCE = 8192
 #: Distance from the surface, as a part of the greatest coordinate, that still counts as inside: meshes are
 #: often written in single precision, which rounds by half of the distance.
 ON_SURFACE = float(np.finfo(np.float32).eps)
-#: Distance from a fibre, in fibre spacings, that counts as inside if no muscle is connected.
+#: Distance from a fibre, in fibre spacings, that counts as inside if no muscle is connected: twice that of a
+#: missing fibre.
 SPACINGS = 2.0
 
 
@@ -93,8 +92,9 @@ class FibreField(Filter):
             field = DirectionField(fibres.points, fibres.offsets)
         positions = self._positions(mesh)
         directions, distances = np.empty_like(positions), np.empty(len(positions))
-        for start in range(0, len(positions), AT_ONCE):
-            part = slice(start, start + AT_ONCE)
+        step = AT_ONCE // (CANDIDATES * NEIGHBOURS)  # positions that are searched at once
+        for start in range(0, len(positions), step):
+            part = slice(start, start + step)
             directions[part], distances[part] = field.at(positions[part])
             self.report_progress(0.9 * min(1.0, part.stop / len(positions)))
         inside = distances <= SPACINGS * field.spacing if muscle is None else _in_muscle(positions, muscle)

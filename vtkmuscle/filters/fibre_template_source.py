@@ -6,14 +6,11 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import errors_at
+from vtkmuscle.core.fibres.trimming import BATCH
 from vtkmuscle.core.mesh.sampling import space_order
 from vtkmuscle.core.template import KINDS, TEMPLATES, read_template, sobol_points
 from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter
-
-#: Largest number of fibres in the order of Sobol's points. Every second or eighth Sobol point is in one part
-#: of the square, but areas are divided among batches of every n-th fibre, which must cover the square.
-MANY = 256
 
 
 class FibreTemplateSource(Filter):
@@ -81,7 +78,9 @@ class FibreTemplateSource(Filter):
             with errors_at(f"{type(self).__name__}: template_file"):
                 template = read_template(self.template_file)
         parameters = sobol_points(self.n_fibres)
-        if self.n_fibres > MANY:
+        # Every second or eighth Sobol point is in one part of the square, but areas are divided among batches
+        # of every n-th fibre, which must cover the square.
+        if self.n_fibres > BATCH:
             parameters = parameters[space_order(parameters)]
         r, s = parameters.T
         t = np.linspace(0.0, 1.0, self.resolution + 1)

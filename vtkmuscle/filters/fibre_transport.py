@@ -11,12 +11,9 @@ from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.triangle_tree import shared_tree
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays
-from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.data.muscle_geometry import TOUCHING, Surface
 from vtkmuscle.data.paths import PathLines
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
-
-#: Distance of fibre ends on a triangle, in mean edges: rounding and projection, well below an edge.
-_ON_TRIANGLE = 0.1
 
 
 class FibreTransport(Filter):
@@ -201,4 +198,4 @@ def _on_bone(muscle: Surface, ends: Floats) -> Bools:
     tree = shared_tree(geometry.points, geometry.triangles)
     faces, _, apart = tree.nearest(ends.reshape(-1, 3))
     on_bone = (np.asarray(fixed_to) >= 0)[geometry.triangles[faces]].all(axis=1)
-    return (on_bone & (apart <= _ON_TRIANGLE * geometry.mean_edge)).reshape(ends.shape[:2])
+    return (on_bone & (apart <= TOUCHING * geometry.mean_edge)).reshape(ends.shape[:2])

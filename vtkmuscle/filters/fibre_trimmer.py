@@ -16,9 +16,10 @@ from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface, inner_areas
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 #: Largest distance between a fibre's end and an area, or a fibre and the muscle, in mean edges: below it a
-#: distance is the mesh's own roughness.
+#: distance is the mesh's own roughness. 0.1 and 0.5 move the points of fibres in ten muscles of a hip and a
+#: knee by at most 0.8 mm (root mean square).
 TOLERANCE = 0.25
-#: Largest part of a fibre's length that is cut off at either end.
+#: Largest part of a fibre's length that is cut off at either end: beyond, the ends would meet.
 LARGEST_CUT = 0.5
 
 

@@ -12,7 +12,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.levers import differences_by, interval_among
 from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, known_coordinates
-from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS, Coordinate
+from vtkmuscle.core.motion.coordinates import ANGLES, MILLIMETRES, Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_of
@@ -85,7 +85,7 @@ class MomentArms(Filter):
 
     motion: Parameter[RigidMotion | None] = Parameter(RigidMotion, default=None)
     coordinate: Parameter[str | None] = Parameter(str, default=None)
-    unit = Parameter(str, default="deg", choices=(*ANGLES, *TRANSLATIONS))
+    unit = Parameter(str, default="deg", choices=(*ANGLES, *MILLIMETRES))
 
     fibres = ports.Lines()
     output = OutputPort(vtkPolyData)

@@ -19,7 +19,8 @@ from vtkmuscle.data.attachments import ROLES, Areas
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
-#: Deviation of superficial fibres that gives a warning, root mean square [degrees].
+#: Deviation of superficial fibres that gives a warning, root mean square [degrees]: straight fibres deviate
+#: as much from the tracts of a measured gastrocnemius.
 NOTICED = 10.0
 #: ``slice_tolerance=None``, as a part of the box's length: 0.3 mm for a muscle of 300 mm.
 DEFAULT_TOLERANCE = 1e-3

@@ -10,7 +10,6 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template import (
-    TIE,
     BoxFit,
     angle_to_nearest,
     centroid_axis,
@@ -18,7 +17,7 @@ from vtkmuscle.core.template import (
     principal_axis,
     superficial_pieces,
 )
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.types import ROUNDING, Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
 from vtkmuscle.data.attachments import ROLES, Areas, areas_of_role
 from vtkmuscle.data.muscle_geometry import Surface
@@ -123,7 +122,7 @@ class TemplateFitter(Filter):
         settings = self.axis, self.angle_step, *landmarks, *areas
         fits = fitted() if guide is not None else muscle.geometry.once("boxes", settings, fitted)
         least = min(fit.cost for fit in fits)
-        best = next(fit for fit in fits if fit.cost <= least + TIE)
+        best = next(fit for fit in fits if fit.cost <= least + ROUNDING)
         fields = {"Transform": best.transform.reshape(16), "FitError": best.error}
         for name, area in zip(_AREAS, areas, strict=True):
             fields[name] = apply_transform(best.transform, area)

@@ -23,7 +23,6 @@ MOST_FRAMES = 20_000
 
 #: Remedy for a table with missing columns or without rows.
 _FORM = "give the columns T00, T01, T02, T03, T10 ... T23, row major, rest to pose, and a line per time"
-_LAST_ROW = {"T30": 0.0, "T31": 0.0, "T32": 0.0, "T33": 1.0}
 
 #: Names of time and count columns; a time column with another name is also a coordinate.
 _TIMES = ("time", "times", "t", "s", "ms", "sec", "seconds", "percent", "cycle", "gait", "gait_cycle")
@@ -76,7 +75,7 @@ def read_motion_table(
     [0.0, 10.0, 20.0]
     """
     path = Path(path)
-    needed = [name for name in TRANSFORM_COLUMNS if name not in _LAST_ROW] + ["bone"] * (bone is None)
+    needed = [*TRANSFORM_COLUMNS[:12]] + ["bone"] * (bone is None)
     rows = table_rows(path, needed=needed, most=MOST_FRAMES, remedy=_FORM)
     header = list(rows[0][1])
     if time is not None and time not in header:
@@ -117,7 +116,7 @@ def _poses(
         numbers = (
             finite_number(cells[name], name, path, at) for at, (_, cells) in zip(where, rows, strict=True)
         )
-        return np.array(list(numbers)) if name in rows[0][1] else np.full(len(rows), _LAST_ROW[name])
+        return np.array(list(numbers)) if name in rows[0][1] else np.full(len(rows), float(name == "T33"))
 
     times = np.arange(len(rows), dtype=np.float64) if time is None else column(time)
     for row in np.flatnonzero(np.diff(times) <= 0.0) + 1:

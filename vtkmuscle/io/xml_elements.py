@@ -16,7 +16,8 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import quoted
 from vtkmuscle.io.csv_table import number_in
 
-#: Deepest nesting of elements.
+#: Deepest nesting of elements: OpenSim's models have about a dozen, and Python's recursion ends at a
+#: thousand.
 DEEPEST = 100
 
 

@@ -21,7 +21,6 @@ from vtkmuscle.io.xml_elements import Element, decoded, last_part, of_kind, read
 from vtkmuscle.joints.functions import IDENTITY, OSIM, Polynomial, function_in, function_of
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
-_AXES = dict(zip("xyz", np.eye(3), strict=True))
 _JOINTS, _ELEMENTS = OSIM["joints"], OSIM["elements"]
 ENDS = ("parent", "child")
 #: Names of a CustomJoint's axes, in the order of the transform.
@@ -98,8 +97,8 @@ def joint_in(element: Element, frames: Frames, child: str = "") -> tuple[Joint, 
         turns, slides = _JOINTS[element.tag]
         if len(elements) != len(turns + slides):
             raise element.error(f"has {len(elements)} coordinates, but must have {len(turns + slides)}")
-        letters = zip(turns + slides, elements, strict=True)
-        axes = [JointAxis(_AXES[letter], IDENTITY, coordinate.name) for letter, coordinate in letters]
+        letters = zip(map("xyz".index, turns + slides), elements, strict=True)
+        axes = [JointAxis(np.eye(3)[letter], IDENTITY, coordinate.name) for letter, coordinate in letters]
         rotations, translations = axes[: len(turns)], axes[len(turns) :]
     if not child:
         sockets = [element.need(f"socket_{end}_frame", f"socket_{end}_offset_frame") for end in ENDS]

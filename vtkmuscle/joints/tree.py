@@ -10,11 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
+from vtkmuscle.core.motion.coordinates import ANGLES, MILLIMETRES
 from vtkmuscle.core.motion.rigid import inverses, turns
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.joints.functions import CoordinateFunction
+
+#: Half step of central differences by a coordinate [rad, or the coordinate's unit]: the truncation error of a
+#: sine is a sixth of the square, 2e-9, and the rounding error about 1e-12 of lengths.
+HALF_STEP = 1e-4
 
 
 @dataclass(frozen=True)
@@ -234,7 +238,7 @@ class KinematicTree:
     def in_metres(self, metres: float) -> tuple[KinematicTree, dict[str, float]]:
         """Return the tree in metres, and factors for coordinates. ``metres`` are per unit of length."""
         units = {coordinate.name: coordinate.unit for coordinate in self.coordinates}
-        factors = {name: TRANSLATIONS.get(unit, 1000.0) / 1000.0 for name, unit in units.items()}
+        factors = {name: MILLIMETRES.get(unit, 1000.0) / 1000.0 for name, unit in units.items()}
         tree = self.scaled(metres, factors)
         coordinates = [each if each.is_angle else replace(each, unit="m") for each in tree.coordinates]
         return replace(tree, coordinates=coordinates), factors

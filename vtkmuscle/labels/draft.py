@@ -15,6 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError, check_is_file, fault_of
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import survey
+from vtkmuscle.core.motion.coordinates import MILLIMETRES
 from vtkmuscle.data.anatomy import plain_name, side_of
 from vtkmuscle.data.arrays import checked_surface, points_of, with_points
 from vtkmuscle.data.attachments import ROLES, VIA, AttachmentArea
@@ -26,8 +27,8 @@ from vtkmuscle.io.writing import write_polydata, write_text
 from vtkmuscle.labels.guesses import FACING, LEFT_OUT, Guess, guessed_joints, moving_chain, table_of
 from vtkmuscle.labels.reading import kind_of
 from vtkmuscle.scene.checks import closed_surface, repaired_surface
-from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.reading import areas_in_contact
+from vtkmuscle.scene.sense import CHECKS
 from vtkmuscle.scene.writing import inline_toml, write_areas
 
 #: Fibres of each muscle.
@@ -195,9 +196,6 @@ def _motion(limits: Mapping[str, float], path: Path) -> dict[str, Any]:
     return {"file": path.name}
 
 
-#: The longest side of a scene's bones is 20 mm to 2 m, so a smaller number is not in mm.
-SHORTEST_IN_MILLIMETRES = 10.0
-LONGEST_IN_METRES = 2.5
 #: Longest side of a surface [mm]: of an adult's femur; and below which the distances of guesses, found for
 #: adults, scale, as for the bones of small animals, hands and feet.
 HUMAN, SMALLEST = 400.0, 100.0
@@ -208,9 +206,9 @@ _AREA = re.compile(rf"^(.+)_({'|'.join((*ROLES, VIA))})(?:_(.*))?$")
 
 def likely_unit(longest: float) -> tuple[str, float]:
     """Return the likely unit of a longest side, and the confidence."""
-    if longest >= SHORTEST_IN_MILLIMETRES:
+    if longest >= CHECKS["unit"]["shortest"]:
         return "mm", 0.9
-    return ("m", 0.9) if longest <= LONGEST_IN_METRES else ("cm", 0.3)
+    return ("m", 0.9) if MILLIMETRES["m"] * longest <= CHECKS["unit"]["longest"] else ("cm", 0.3)
 
 
 def draft_of_files(

@@ -15,9 +15,10 @@ from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.data.anatomy import JOINTS, JointKind, side_of, stem_of
 from vtkmuscle.data.arrays import checked_surface
+from vtkmuscle.scene.sense import CHECKS
 
 #: Confidence below which a guess should be checked before the results are used.
-LOOK = 0.5
+LOOK = CHECKS["estimate"]["confidence"]
 #: Value of a guess about a structure that is missing in the scene.
 LEFT_OUT = "left out"
 
@@ -53,7 +54,7 @@ _ROUNDS = 30
 #: Part of the whole ball from which on a fit is fully sure; a femur's head covers 0.7 to 0.9 (five subjects),
 #: the back of a condyle 0.3 (one subject).
 _COVERED = {"ball": 0.5, "hinge": 0.25}
-#: Fewest points of a ball.
+#: Fewest points of a ball: three for each of its four numbers.
 _FEWEST = 12
 
 

@@ -16,7 +16,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.solids import Solids, solids_of
-from vtkmuscle.core.mesh.surface import signed_volume, survey
+from vtkmuscle.core.mesh.surface import NOISE, signed_volume, survey
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.anatomy import plain_name
 from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, field_string, surface_from
@@ -185,8 +185,9 @@ def _figures(surface: vtkPolyData) -> tuple[str, str, str, str]:
     return str(len(triangles)), f"{signed_volume(points, triangles) / 1000.0:.1f}", against, within
 
 
-#: Distance from the belly's end at which the belly's thickness gives the tendon's [mm].
-INSIDE = 5.0
+#: Radius of the thickest tendon [mm], an Achilles tendon of 80 mm^2. As far from the belly's end the belly's
+#: thickness gives the tendon's.
+THICKEST = 5.0
 #: Points of a tendon's line, and smoothing rounds, enough to spread a bend over all points.
 _POINTS, _ROUNDS = 24, 600
 
@@ -205,8 +206,8 @@ def with_tendon(
     inward = points.mean(axis=0) - tip
     inward /= np.linalg.norm(inward)
     thinnest = float(belly.spacing.max())
-    depth = -float(belly.at(tip[None] + INSIDE * scale * inward)[0][0])
-    thickest = max(thinnest, 5.0 * scale)  # 5 mm: an Achilles tendon of 80 mm^2
+    depth = -float(belly.at(tip[None] + THICKEST * scale * inward)[0][0])
+    thickest = max(thinnest, THICKEST * scale)
     radius = float(np.clip(depth, thinnest, thickest))
     line = taut_line(tip, target, bones, radius)
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
@@ -241,8 +242,6 @@ def taut_line(start: Floats, end: Floats, bones: Sequence[Solids], radius: float
 #: Edge length of triangles: at most [mm], and in voxels, so that 95 % of the phantom hip's surface is within
 #: 0.34 mm (benchmarks/bench_labels.py).
 EDGE, EDGE_VOXELS = 3.0, 2.0
-#: Fraction of a label in smaller pieces above which the label may hold two structures, such as both sides.
-MOST_LEFT_OUT = 0.05
 
 
 def draft_of_labels(
@@ -299,7 +298,7 @@ def _faults(draft: Draft, name: str, kind: str, surface: vtkPolyData) -> str:
         return f"left out: {reason}"
     shares = (field_array(surface, key) for key in ("LeftOut", "Cut", "Pieces"))
     left_out, cut, pieces = (float(share[0]) for share in shares if share is not None)
-    if left_out > MOST_LEFT_OUT:
+    if left_out > NOISE:  # the label may hold two structures, such as both sides
         why = f"the largest of {pieces:.0f} pieces lacks {100 * left_out:.0f} % of the label; split sides"
         draft.guess(f"{kind}.{name}.surface", "the largest piece", 0.5 - 0.5 * left_out, why)
     if cut:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkImageData
 
-from vtkmuscle.core.errors import InputError, MissingFileError, check_is_file
+from vtkmuscle.core.errors import MOST_TEXT, InputError, MissingFileError, check_is_file
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import quoted, suggestion
 from vtkmuscle.data import package_text
@@ -30,8 +30,6 @@ from vtkmuscle.io.landmarks import FRAMES
 SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
 #: Size of a NIfTI header [bytes]; extensions follow 4 bytes later.
 _NIFTI_HEADER = 348
-#: Most bytes of a header with label names.
-MOST_HEADER = 16 * 1024**2
 #: Greatest ratio of deflate's compression.
 _DEFLATED = 1032
 #: Names of data files in text headers, and the mark of compression.
@@ -115,7 +113,7 @@ def _read(file: Path) -> Iterator[Layer]:
 def _check_size(file: Path, promised: int) -> None:
     """Raise an error if the voxels [bytes] do not fit into the file, or into the files in the header."""
     with file.open("rb") as stream:
-        head = stream.read(MOST_HEADER)
+        head = stream.read(MOST_TEXT)
     text = file.suffix.lower() in (".mhd", ".nhdr", ".mha", ".nrrd")
     match = _DATA_FILE.search(head) if text else None
     files = [file]
@@ -155,7 +153,7 @@ def _names(file: Path, image: Any) -> dict[int, dict[int, str]]:
         opened = gzip.open if file.suffix.lower() == ".gz" else open
         with _foreign(file, "its header cannot be read"), opened(file, "rb") as stream:
             offset = int(float(image.GetMetaData("vox_offset")))
-            header = stream.read(min(max(_NIFTI_HEADER, offset), MOST_HEADER))
+            header = stream.read(min(max(_NIFTI_HEADER, offset), MOST_TEXT))
         labels = _NIFTI_LABEL.findall(header[_NIFTI_HEADER:])
         numbers = [label_number(key.decode(), file, "Label Key") for key, _ in labels]
         texts = [name.decode("utf-8", "replace").strip() for _, name in labels]

@@ -18,10 +18,10 @@ from vtkmuscle.data import toml_table
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.io.xml_elements import xml_text
 from vtkmuscle.joints.osim import FURTHER, NOT_USED, OFFSET
-from vtkmuscle.joints.tree import JointCoordinate
+from vtkmuscle.joints.tree import HALF_STEP, JointCoordinate
 from vtkmuscle.opensim.model import OsimModel, read_osim
 from vtkmuscle.opensim.mujoco_model import MujocoModel, read_mjcf
-from vtkmuscle.opensim.muscle_paths import STEP, Posed
+from vtkmuscle.opensim.muscle_paths import Posed
 from vtkmuscle.opensim.osim_text import model_tree
 from vtkmuscle.report.page import Section, shown_rows, svg_curve, write_sections
 from vtkmuscle.run.table import Table
@@ -241,7 +241,7 @@ def _faults(
     arms, middles = -steps / step, (values[1:] + values[:-1]) / 2.0
 
     def arm(sweeps: Ints, at: Floats) -> Floats:
-        result: Floats = (length(sweeps, at - STEP) - length(sweeps, at + STEP)) / (2.0 * STEP)
+        result: Floats = (length(sweeps, at - HALF_STEP) - length(sweeps, at + HALF_STEP)) / (2.0 * HALF_STEP)
         return result
 
     # A step larger than both neighbouring steps may contain a jump, and so may a change of slope.

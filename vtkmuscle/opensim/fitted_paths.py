@@ -12,17 +12,16 @@ from scipy.optimize import least_squares
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats
-from vtkmuscle.joints.tree import KinematicTree
+from vtkmuscle.joints.tree import HALF_STEP, KinematicTree
 from vtkmuscle.opensim import muscle_paths as paths
 from vtkmuscle.opensim.muscle_paths import Columns, Cylinder, PathPoint, PointPath, powers
 
 #: Largest number of held-out parts of each coordinate's values: the inner parts choose the polynomial's order
 #: by the errors of a fit to the remaining poses, so that the order holds between the levels of a grid.
 PARTS = 5
-#: Relative decrease of the held-out error that justifies a higher order.
+#: Relative decrease of the held-out error that justifies a higher order. With 0 and 0.1 the errors of ten
+#: muscles of a hip and a knee change by at most a quarter.
 WORTH = 0.05
-#: Largest ratio of polynomial terms to fitted numbers.
-FILLED = 0.7
 
 
 def fit_length(lengths: Floats, values: Columns, arms: Columns | None = None) -> paths.FunctionPath:
@@ -52,8 +51,7 @@ def fit_length(lengths: Floats, values: Columns, arms: Columns | None = None) ->
 
     errors: dict[int, float] = {}
     for order in range(1, 7):
-        count = len(powers(samples.shape[1], order))
-        if count > FILLED * min((~mask).sum() for mask in masks) or order >= levels:
+        if order >= levels or len(powers(samples.shape[1], order)) > min((~mask).sum() for mask in masks):
             break
         rows = rows_of(order)
         off = [rows[mask] @ _solved(rows[~mask], targets[~mask]) - targets[mask] for mask in masks]
@@ -107,12 +105,15 @@ def _unscaled(coefficients: Floats, middle: Floats, half: Floats, order: int) ->
     return np.asarray(result[table])
 
 
-#: Error ratio below which a cylinder is kept.
+#: Error ratio below which a cylinder is kept: from 0.8 to 0.95 the ten muscles have the same paths.
 WORTH_A_CYLINDER = 0.9
-#: Initial positions of a cylinder along its part of the line; initial radii [m] of a bone and of a joint.
+#: Initial positions of a cylinder along its part of the line. With the middle alone the errors of ten muscles
+#: of a hip and a knee are 0.18 and 1.2 mm instead of 0.14 and 0.61 (root mean square).
 PLACES = (0.25, 0.5, 0.75)
-RADII = (0.015, 0.04)
-#: Steps of lengths [m] and of directions that the search treats as equal.
+#: Initial radius of a cylinder [m], of a joint; a bone's, 0.015, as well changes the errors by 0.001 mm.
+RADIUS = 0.04
+#: Steps of lengths [m] and of directions that the search treats as equal. A step of directions of 0.1 or 1,
+#: or of lengths of 0.1, gives larger errors, by a tenth to a half.
 SCALES = (0.01, 0.3)
 
 
@@ -178,14 +179,14 @@ class _Search:
         halves = {name: np.ptp(full[name]) / 2.0 for name in arms}
         self.halves = np.array([halves[name] for name in arms])
         self.targets = np.concatenate([lengths, *(halves[name] * arm for name, arm in arms.items())])
-        moves = [{}, *({name: sign * paths.STEP} for name in arms for sign in (-1.0, 1.0))]
+        moves = [{}, *({name: sign * HALF_STEP} for name in arms for sign in (-1.0, 1.0))]
         moved = {q: np.concatenate([full[q] + move.get(q, 0.0) for move in moves]) for q in tree.free}
         self.at = paths.Posed.of(tree, moved)
 
     def off(self, path: PointPath) -> Floats:
         """Return the errors of lengths and scaled moment arms [m]."""
         lengths = path.lengths_at(self.at).reshape(-1, self.frames)
-        arms = (lengths[1::2] - lengths[2::2]) / (2.0 * paths.STEP)
+        arms = (lengths[1::2] - lengths[2::2]) / (2.0 * HALF_STEP)
         return np.asarray(np.append(lengths[0], self.halves[:, None] * arms) - self.targets)
 
     def error(self, path: PointPath) -> float:
@@ -235,8 +236,7 @@ def _beginnings(line: Floats, body: str, after: int) -> Iterator[Cylinder]:
         height = np.linalg.norm(bow)
         if height > 0.0:
             axis = np.cross(chord, bow / height)
-            for radius in RADII:
-                yield Cylinder(body, top - radius * bow / height, axis, radius, after)
+            yield Cylinder(body, top - RADIUS * bow / height, axis, RADIUS, after)
 
 
 def _between(tree: KinematicTree, ends: Sequence[str]) -> list[str]:

@@ -17,6 +17,7 @@ from vtkmodules.vtkIOGeometry import vtkSTLWriter
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import group_fibres
+from vtkmuscle.core.motion.coordinates import MILLIMETRES
 from vtkmuscle.core.motion.rigid import apply_transform, inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, with_points
@@ -35,7 +36,7 @@ from vtkmuscle.run.result import Result
 from vtkmuscle.run.steps import paths_alone, run_scene
 from vtkmuscle.run.table import Table
 from vtkmuscle.run.verdict import FAILED
-from vtkmuscle.scene.data import MILLIMETRES, SceneError, SceneFiles, errors_at, parsed
+from vtkmuscle.scene.data import SceneError, SceneFiles, errors_at, parsed
 from vtkmuscle.scene.joints import SceneJoints, coordinate_values, joints_of, pin_joint_of
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scenes import Scene

@@ -22,7 +22,7 @@ from vtkmuscle.opensim.osim_text import CYLINDER, GYRATION, MuscleOut
 
 #: Highest power of a coupling in MuJoCo.
 _HIGHEST = 4
-#: Default mass of a body [kg].
+#: Default mass of a body [kg]: MuJoCo refuses none, and a gram moves no other body.
 LEAST_MASS = 0.001
 #: Attributes of visible geometry without contact and mass.
 _PASSIVE = {"contype": "0", "conaffinity": "0", "mass": "0", "rgba": "0.8 0.75 0.7 0.5"}

@@ -13,14 +13,12 @@ from numpy.typing import ArrayLike
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.joints.functions import CoordinateFunction
-from vtkmuscle.joints.tree import KinematicTree
+from vtkmuscle.joints.tree import HALF_STEP, KinematicTree
 
 #: Margin of a conditional point's range [rad, or units of length], as in OpenSim.
 RANGE_MARGIN = 1e-5
 #: Smallest divisor: a length below all others.
-TINY = 1e-300
-#: Half step of the central difference for moment arms [rad, or units of length].
-STEP = 1e-4
+TINY = np.finfo(float).tiny
 #: Columns (f,) or poses (f, 4, 4) by name; values of coordinates.
 Columns = Mapping[str, Floats]
 Values = Mapping[str, ArrayLike]
@@ -241,6 +239,6 @@ def moment_arm(path: MusclePath, tree: KinematicTree, values: Values, coordinate
     """
     tree.coordinate(coordinate)
     full = tree.completed(values)
-    near = (full | {coordinate: full[coordinate] + step} for step in (-STEP, STEP))
+    near = (full | {coordinate: full[coordinate] + step} for step in (-HALF_STEP, HALF_STEP))
     before, after = (path.lengths_at(Posed.of(tree, values), full) for values in near)
-    return (before - after) / (2.0 * STEP)
+    return (before - after) / (2.0 * HALF_STEP)

@@ -23,7 +23,7 @@ from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.filters.fibre_transport import FibreTransport, StiffTendons
 from vtkmuscle.filters.fibre_trimmer import FibreTrimmer
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.filters.path_deformer import PathDeformer
+from vtkmuscle.filters.path_deformer import WEIGHT_TOLERANCE, PathDeformer
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.filters.slice_morpher import SliceMorpher
 from vtkmuscle.filters.taut_paths import PATH_PRESETS, TautPaths
@@ -120,10 +120,6 @@ def decompose(
 
 #: Settings of fibres for the transport with the muscle.
 TRANSPORT_SETTINGS: dict[str, Parameter[Any]] = dict(FibreTransport.parameter_declarations)
-#: ``weight_tolerance`` in scenes. For 1600 points in 9878 vertices weights take 14 MB instead of 126, and
-#: a frame 4 ms instead of 24 to 48; in a muscle bent by a radian the mean error is 0.008 mm, the largest 0.03
-#: mm (``benchmarks/bench_fibres.py --transport``).
-WEIGHT_TOLERANCE = 0.3
 #: Deformers: taut paths with skinning, position based dynamics, no deformation.
 DEFORMERS: Mapping[str, type[PathDeformer] | type[PBDDeformer] | None] = MappingProxyType(
     {"paths": PathDeformer, "pbd": PBDDeformer, "none": None}

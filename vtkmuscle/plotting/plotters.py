@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pyvista
 
 
-def plain_plotter(size: tuple[int, int], off_screen: bool | None) -> pyvista.Plotter:
+def plain_plotter(size: Sequence[int] | None, off_screen: bool | None) -> pyvista.Plotter:
     """Return a white plotter in the user's notebook backend."""
     import pyvista  # noqa: PLC0415 -- figures need none
 
@@ -29,7 +29,7 @@ def plain_plotter(size: tuple[int, int], off_screen: bool | None) -> pyvista.Plo
         theme.jupyter_backend = own.jupyter_backend
     theme.trame = own.trame
     with studio.x_server_warning_off():
-        plotter = pyvista.Plotter(off_screen=off_screen, window_size=list(size), theme=theme)
+        plotter = pyvista.Plotter(off_screen=off_screen, window_size=size and list(size), theme=theme)
     plotter.enable_anti_aliasing("ssaa")
     return plotter
 
@@ -74,8 +74,6 @@ def make_plotter(
     return plotter
 
 
-#: Width and height of the picture in pixels.
-SIZE = (1024, 768)
 _NOTHING: Mapping[str, Floats] = {}
 
 
@@ -93,7 +91,7 @@ class MovingScene:
         fibres: Mapping[str, vtkPolyData],
         *,
         off_screen: bool | None = None,
-        size: tuple[int, int] = SIZE,
+        size: Sequence[int] | None = None,
         opacity: float = 0.9,
     ) -> None:
         named = dict(blocks_of(bones)) if isinstance(bones, vtkMultiBlockDataSet) else bones
@@ -109,7 +107,7 @@ class MovingScene:
         self._fibres = {name: studio.line_actor(lines, colours[name]) for name, lines in fibres.items()}
         for actor in chain(self._bones.values(), self._muscles.values(), self._fibres.values()):
             self.plotter.add_actor(actor, reset_camera=False, render=False)
-        width, height = size
+        width, height = self.plotter.window_size
         studio.look_from(self.plotter.camera, self.view)
         self.plotter.camera.parallel_scale *= 1.2 * max(1.0, self.view.aspect * height / width)
         self.plotter.renderer.ResetCameraClippingRange()

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from vtkmuscle.io.writing import replacing
 from vtkmuscle.plotting.views import View
 
+#: Pixels per inch of a picture in a figure, as journals ask for.
 DOTS_PER_INCH = 300
 #: Pixels per inch of a run's figures: 1063 across, the width of a page in a browser.
 SCREEN = 150.0

@@ -167,7 +167,7 @@ def _actor(data: vtkPolyData, colour: str, **look: Any) -> vtkActor:
     )
 
 
-#: Rendered pixels per pixel of a picture, along each side.
+#: Rendered pixels per pixel of a picture, along each side: their mean smooths edges.
 FINER = 2
 #: Diffuse lighting of a fragment, at half the cost of VTK's own shader with OpenGL in software.
 _LIT = package_text("vtkmuscle.plotting", "lights.glsl")

@@ -22,7 +22,7 @@ from vtkmuscle.data.arrays import blocks_of, points_of, polylines_from, polyline
 TRIANGLES = 100_000
 #: Least triangles of a bone, and most grid cells along an axis: cell numbers stay within 64 bits.
 _LEAST, _MOST_CELLS = 600, 400
-#: Number of points spread over a surface.
+#: Number of points spread over a surface: one for each hundred pixels of a picture of a million.
 SPREAD = 10_000
 
 

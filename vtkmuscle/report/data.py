@@ -12,14 +12,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.moment_arms.of_joints import JointArms
-from vtkmuscle.core.motion.coordinates import ANGLES
+from vtkmuscle.core.motion.coordinates import ANGLES, MILLIMETRES
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
 from vtkmuscle.data.label_images import decimated
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn, label_of
 from vtkmuscle.plotting.views import PALETTE, clearest_view, merged
-from vtkmuscle.scene.data import MILLIMETRES
 
 if TYPE_CHECKING:
     from vtkmuscle.run.result import Result
@@ -77,8 +76,8 @@ class Pack:
         return base64.b64encode(gzip.compress(b"".join(self._parts), 4, mtime=0)).decode("ascii")
 
 
-#: Frames on a page, at most.
-MOST_FRAMES = 120
+#: Frames, and single fibres of a muscle, on a page, at most: pixels of a curve are about as many.
+MOST_SHOWN = 120
 #: Points of all muscles, and of all fibres, in all frames of a page, at most.
 MUSCLE_POINTS, FIBRE_POINTS = 1_000_000, 600_000
 #: Least and largest number of triangles per muscle.
@@ -87,7 +86,7 @@ LEAST, MOST = 600, 12_000
 
 def scene_of(run: Result, pack: Pack) -> dict[str, Any]:
     """Return the scene of a page, ready for JSON, and add its arrays to the pack."""
-    shown = shown_frames(len(run.frames))
+    shown = shown_of(len(run.frames))
     scale = MILLIMETRES[run.report["units"]]
     surfaces = run.report["deformer"] != "none"
     count = len(run.muscle_names)
@@ -104,9 +103,9 @@ def scene_of(run: Result, pack: Pack) -> dict[str, Any]:
     return {"shown": shown, "mm": scale, "bones": bones, "muscles": muscles, "view": view}
 
 
-def shown_frames(count: int) -> list[int]:
-    """Return evenly spread indices of kept frames."""
-    positions = np.linspace(0, count - 1, min(count, MOST_FRAMES)).round()
+def shown_of(count: int) -> list[int]:
+    """Return evenly spread indices of frames or fibres."""
+    positions = np.linspace(0, count - 1, min(count, MOST_SHOWN)).round()
     return [int(position) for position in np.unique(positions)]
 
 
@@ -185,12 +184,8 @@ def _indices(triangles: Ints, n_points: int, pack: Pack) -> dict[str, Any]:
     return pack.add(triangles, "u16" if n_points <= 65_535 else "u32")
 
 
-#: Single fibres drawn per muscle, at most.
-MOST_FIBRES = 100
-#: Change of a measure, relative to its limit, below which words replace the curve.
+#: Change of a measure, relative to its limit, below which words replace the curve: a twentieth of a pixel.
 _FLAT = 1e-3
-#: Both sides of an error.
-_BOTH = np.array([[-1.0], [1.0]])
 #: Minus sign of negative numbers.
 MINUS = "\u2212"
 
@@ -272,15 +267,15 @@ def _curves(run: Result, name: str, colour: str, pack: Pack) -> dict[str, Any]:
 
 def _lengths(lengths: Floats, pack: Pack, error: Floats | float = np.nan) -> dict[str, Any]:
     lower, upper = np.percentile(lengths, (25.0, 75.0), axis=1)
-    count = lengths.shape[1]
-    drawn = np.unique(np.linspace(0, count - 1, min(count, MOST_FIBRES)).round().astype(int))
+    mean = lengths.mean(axis=1)
+    drawn = shown_of(lengths.shape[1])
     return {
-        "mean": rounded(lengths.mean(axis=1)),
+        "mean": rounded(mean),
         "low": rounded(lengths.min(axis=1)),
         "high": rounded(lengths.max(axis=1)),
         "lower": rounded(lower),
         "upper": rounded(upper),
-        "held": rounded(lengths.mean(axis=1) + _BOTH * error),
+        "held": rounded([mean - error, mean + error]),
         "fibres": pack.add(lengths[:, drawn], "f32"),
         "drawn": len(drawn),
     }
@@ -289,15 +284,15 @@ def _lengths(lengths: Floats, pack: Pack, error: Floats | float = np.nan) -> dic
 def _arms(arms: JointArms, published: Sequence[LiteratureCurve]) -> dict[str, Any]:
     # A sweep up and down repeats values: curves are drawn by ascending value.
     order = np.argsort(arms.values, kind="stable")
-    unit = ANGLES.get(arms.unit)
+    unit, mean, error = ANGLES.get(arms.unit), arms.mean[order], arms.errors["total"][order]
     return {
         "values": rounded(arms.values[order]),
-        "mean": rounded(arms.mean[order]),
+        "mean": rounded(mean),
         "low": rounded(arms.arms.min(axis=1)[order]),
         "high": rounded(arms.arms.max(axis=1)[order]),
         "quartic": None if arms.quartic is None else rounded(arms.quartic.mean(axis=1)[order]),
         "literature": [] if unit is None else published_curves(published, math.pi / 180.0 / unit),
-        "held": rounded((arms.mean + _BOTH * arms.errors["total"])[:, order]),
+        "held": rounded([mean - error, mean + error]),
     }
 
 

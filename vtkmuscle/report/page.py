@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from operator import contains
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -78,8 +79,8 @@ def part(name: str) -> Markup:
     return Markup(package_text("vtkmuscle.report", f"page/{name}"))
 
 
-def rendered(template: str, **values: Any) -> str:
-    """Return the text of a page from a template in ``page``."""
+@cache
+def _environment() -> jinja2.Environment:
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("vtkmuscle.report", "page"),
         autoescape=True,
@@ -90,8 +91,12 @@ def rendered(template: str, **values: Any) -> str:
     )
     environment.globals["part"], environment.tests["contains"] = part, contains
     environment.filters |= {"number": number, "label": label_of, "file_name": lambda path: Path(path).name}
-    page = environment.get_template(template)
-    return page.render(version=__version__, **values)
+    return environment
+
+
+def rendered(template: str, **values: Any) -> str:
+    """Return the text of a page from a template in ``page``."""
+    return _environment().get_template(template).render(version=__version__, **values)
 
 
 def shown_rows(table: Mapping[str, NDArray[Any]]) -> list[Sequence[str]]:

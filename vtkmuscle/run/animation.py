@@ -13,6 +13,7 @@ from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.motion.coordinates import MILLIMETRES
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data import arrays
 from vtkmuscle.data.arrays import Polylines, point_array, points_of, polylines_of, triangles_of
@@ -22,12 +23,9 @@ from vtkmuscle.plotting.studio import strain_colours, strains_of
 from vtkmuscle.plotting.views import IVORY, MUSCLE_RED
 from vtkmuscle.run.result_data import ResultData
 from vtkmuscle.run.table import optional_package
-from vtkmuscle.scene.data import MILLIMETRES
 
 #: Suffixes of USD, binary or as text.
 SUFFIXES = (".usd", ".usdc", ".usda")
-#: Frames in a second.
-RATE = 24.0
 #: Diameter of a fibre, as a part of the fibres' mean length.
 WIDTH = 0.01
 
@@ -88,7 +86,6 @@ class _Stage:
         self._stage = usd.Stage.CreateNew(str(path))
         self._geometry.SetStageUpAxis(self._stage, self._tokens.z)
         self._geometry.SetStageMetersPerUnit(self._stage, 1.0)
-        self._stage.SetTimeCodesPerSecond(RATE)
         self._stage.SetStartTimeCode(0)
         self._stage.SetEndTimeCode(n_frames - 1)
         self._root = self._geometry.Xform.Define(self._stage, f"/{self._tf.MakeValidIdentifier(name)}")

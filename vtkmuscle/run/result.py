@@ -14,7 +14,7 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.words import Remedies
+from vtkmuscle.core.words import MOST_LISTED, Remedies
 from vtkmuscle.io.writing import replacing, write_text
 from vtkmuscle.plotting.drawing import can_render, html_picture
 from vtkmuscle.run.figures import FORMS, ResultDisplay, drawn, figures_of_muscle, rest_pose_of
@@ -22,9 +22,6 @@ from vtkmuscle.run.result_data import ResultData
 from vtkmuscle.run.store import ResultFolder
 from vtkmuscle.run.table import html_table
 from vtkmuscle.run.verdict import CHECKS, VERDICTS
-
-#: Muscles that are named one by one where a result is printed, at most.
-_MOST_LISTED = 8
 
 
 class Result(ResultData):
@@ -120,7 +117,7 @@ class Result(ResultData):
     def __repr__(self) -> str:
         verdicts = list(self.verdicts.values())
         muscles = ", ".join(f"{name} ({self.verdicts[name]})" for name in self.muscle_names)
-        if len(verdicts) > _MOST_LISTED:
+        if len(verdicts) > MOST_LISTED:
             counts = ", ".join(f"{verdicts.count(one)} {one}" for one in VERDICTS if one in verdicts)
             muscles = f"{len(verdicts)} muscles ({counts})"
         return f"Result({self.name!r}: {len(self.times)} frames of {muscles})"

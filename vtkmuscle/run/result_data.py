@@ -14,6 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
+from vtkmuscle.core.motion.coordinates import MILLIMETRES
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import ByName, suggestion
@@ -25,7 +26,6 @@ from vtkmuscle.plotting.views import DrawnBones
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.report_values import architecture_table, measures_of_fibres
 from vtkmuscle.run.table import COLUMNS, MomentArmTable, Table, optional_package
-from vtkmuscle.scene.data import MILLIMETRES
 
 
 class ResultData(ByName):

@@ -17,16 +17,13 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import root_mean_square
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.words import suggestion
+from vtkmuscle.core.words import MOST_LISTED, suggestion
 from vtkmuscle.data import toml_table
 from vtkmuscle.io.csv_table import write_rows
 from vtkmuscle.io.writing import plain_cell
 
 #: Columns of tables by name.
 COLUMNS = toml_table("vtkmuscle.run", "measures.toml")["tables"]
-
-#: Most rows of a table in a cell, as pandas shows 60: a cell's height on a screen.
-MOST_ROWS = 20
 
 
 class Table(Mapping[str, NDArray[Any]]):
@@ -244,9 +241,9 @@ def _cells(column: NDArray[Any], digits: int | None) -> Iterable[Any]:
 
 
 def html_table(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return a table in HTML, of :data:`MOST_ROWS` rows at most."""
+    """Return a table in HTML, of :data:`~vtkmuscle.core.words.MOST_LISTED` rows at most."""
     lines = []
-    for tag, row in (("th", columns), *(("td", row) for row in islice(rows, MOST_ROWS))):
+    for tag, row in (("th", columns), *(("td", row) for row in islice(rows, MOST_LISTED))):
         texts = [f"{value:.6g}" if isinstance(value, float) else escape(str(value)) for value in row]
         lines.append("".join(f"<{tag}>{text}</{tag}>" for text in texts))
     return f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"

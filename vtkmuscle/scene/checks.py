@@ -22,10 +22,8 @@ from vtkmuscle.scene.data import Faults, Muscle, SceneData, errors_at, words_of
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scene.writing import tables_of
 
-#: Largest distance of landmarks from their muscle, in diagonals: beyond, muscle or unit is wrong.
-_FARTHEST_LANDMARKS = 1.0
-#: Largest coordinate: the squares of larger coordinates may overflow.
-_LARGEST = 1e60
+#: Largest coordinate: files have single precision.
+_LARGEST = float(np.finfo(np.float32).max)
 #: Largest part of a repaired surface in holes, and of its volume in lost parts. A ball loses three times the
 #: square of the part to a flat cap: 0.03 % of the volume.
 MOST_REPAIRED = 0.01
@@ -141,6 +139,6 @@ def _check_distance(subject: str, positions: Floats, points: Floats, units: str)
     lowest, highest = points.min(axis=0), points.max(axis=0)
     gaps = np.linalg.norm(np.maximum(np.maximum(lowest - positions, positions - highest), 0), axis=1)
     diagonal = np.linalg.norm(highest - lowest)
-    if gaps.min() > _FARTHEST_LANDMARKS * diagonal:
+    if gaps.min() > diagonal:  # the muscle or the unit is wrong
         sizes = {"gap": gaps.min(), "size": diagonal, "units": units}
         raise InputError("", *words_of("away", subject=subject, **sizes))

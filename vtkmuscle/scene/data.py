@@ -13,6 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone, bone_of
 from vtkmuscle.core.errors import MOST_TEXT, InputError, check_is_file, fault_of, in_words
+from vtkmuscle.core.motion.coordinates import MILLIMETRES
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.core.words import quoted
@@ -27,9 +28,6 @@ from vtkmuscle.data.attachments import (
     attachments_of,
 )
 from vtkmuscle.io.literature import LiteratureCurve
-
-#: Millimetres per allowed unit of length.
-MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

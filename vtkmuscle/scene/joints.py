@@ -6,24 +6,24 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import pi
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.motion.blending import screws
-from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS, Coordinate
+from vtkmuscle.core.motion.coordinates import ANGLES, MILLIMETRES, Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, frame_at, hinge, inverses, rotation_about
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io import motion_columns, read_motion_table
+from vtkmuscle.io.motion_table import MOST_FRAMES
 from vtkmuscle.joints import grid_of, steps_of
 from vtkmuscle.joints.functions import IDENTITY, CoordinateFunction, CubicSpline, Polynomial
 from vtkmuscle.joints.osim import read_motion_file, read_tree
-from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.joints.tree import HALF_STEP, Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.scene import schema
-from vtkmuscle.scene.data import MILLIMETRES, Faults, SceneError, SceneFiles, errors_at
+from vtkmuscle.scene.data import Faults, SceneError, SceneFiles, errors_at
 
 
 def motion_from(scene: schema.SceneTable, files: SceneFiles, joints: SceneJoints | None) -> RigidMotion:
@@ -84,10 +84,6 @@ def _of_several(
 
 #: Body of bones without a joint.
 GROUND = "ground"
-_DEGREE = pi / 180.0
-#: Half step of central differences for twists [rad, or the coordinate's unit]: the truncation error of a sine
-#: is a sixth of the square, 2e-9, and the rounding error about 1e-12 of lengths.
-_STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,8 +140,8 @@ class SceneJoints:
             kind, twists = tree.coordinate(name), None
             if name in tree.free:
                 own = {free: full[free] for free in tree.free}
-                low, high = (moved({**own, name: own[name] + step}) for step in (-_STEP, _STEP))
-                step = 2.0 * _STEP * (1.0 if kind.is_angle else TRANSLATIONS[kind.unit])
+                low, high = (moved({**own, name: own[name] + step}) for step in (-HALF_STEP, HALF_STEP))
+                step = 2.0 * HALF_STEP * (1.0 if kind.is_angle else MILLIMETRES[kind.unit])
                 twists = {bone: screws(high[bone] @ inverses(low[bone])) / step for bone in self.bodies}
             if kind.is_angle:
                 return Coordinate(np.degrees(full[name]), "deg", kind.positive, twists)
@@ -208,7 +204,7 @@ def pin_joint_of(
     ((bone, poses),), ((name, coordinate),) = motion.transforms.items(), motion.coordinates.items()
     if coordinate.unit not in ANGLES or np.ptp(coordinate.values) == 0.0:
         return None
-    angles = coordinate.values * (_DEGREE if coordinate.unit == "deg" else 1.0)
+    angles = coordinate.values * (ANGLES["deg"] if coordinate.unit == "deg" else 1.0)
     steps, changes = screws(poses[1:] @ inverses(poses[:-1])), np.diff(angles)
     twist = steps.T @ changes / (changes @ changes)
     turning = float(np.linalg.norm(twist[3:]))
@@ -249,7 +245,7 @@ def coordinate_values(
         if name not in tree.free:
             raise SceneError(f"{name!r} follows another coordinate", f"{key}.{name}", "remove the key", where)
     count = int(np.prod([len(column) for column in grid.values()]))
-    if count > schema.MOST_FRAMES:
+    if count > MOST_FRAMES:
         raise SceneError(f"the grid has {count} poses", key, "choose larger steps", where)
     values = grid_of({name: column * _unit(tree, name) for name, column in grid.items()})
     times = next(iter(grid.values())) if len(grid) == 1 else np.arange(float(count))
@@ -262,7 +258,7 @@ def _key(table: schema.SceneTable) -> str:
 
 def _unit(tree: KinematicTree, coordinate: str) -> float:
     """Return the scene's unit of a coordinate in the tree's unit."""
-    return _DEGREE if tree.coordinate(coordinate).is_angle else 1.0
+    return ANGLES["deg"] if tree.coordinate(coordinate).is_angle else 1.0
 
 
 def _warn_of_ranges(values: Mapping[str, Floats], tree: KinematicTree, key: str, files: SceneFiles) -> None:
@@ -305,7 +301,7 @@ def _factors(joints: Mapping[str, schema.JointTable]) -> dict[str, float]:
     for joint in joints.values():
         turns = {axis.coordinate for axis in joint.rotations or []}
         slides = {axis.coordinate for axis in joint.translations or []} - turns
-        factors |= {name: 1.0 if name in slides else _DEGREE for name in joint.coordinates or {}}
+        factors |= {name: 1.0 if name in slides else ANGLES["deg"] for name in joint.coordinates or {}}
     return factors
 
 
@@ -316,7 +312,7 @@ def _joint(name: str, joint: schema.JointTable, factors: Mapping[str, float]) ->
     if joint.type in ("pin", "ball"):
         axes = [joint.axis] if joint.type == "pin" else joint.axes or np.eye(3)
         rotations = [JointAxis(np.array(axis), IDENTITY, own) for axis, own in zip(axes, names, strict=True)]
-    rotations += [_axis(axis, factors, _DEGREE) for axis in joint.rotations or []]
+    rotations += [_axis(axis, factors, ANGLES["deg"]) for axis in joint.rotations or []]
     translations = [_axis(axis, factors, 1.0) for axis in joint.translations or []]
     return Joint(name, joint.parent, joint.child, rotations, translations, frame, frame, joint.type)
 

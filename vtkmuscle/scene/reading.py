@@ -15,6 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle import io
 from vtkmuscle.core.attachments.patches import ring_area, ring_length
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.motion.coordinates import MILLIMETRES
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.template import read_template
 from vtkmuscle.core.types import Floats
@@ -23,7 +24,7 @@ from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.attachments import ROLES, SIDES, VIA, Aponeurosis, AttachmentArea
 from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
 from vtkmuscle.scene.checks import turned_over
-from vtkmuscle.scene.data import MILLIMETRES, Muscle, SceneError, SceneFiles, errors_at, parsed, words_of
+from vtkmuscle.scene.data import Muscle, SceneError, SceneFiles, errors_at, parsed, words_of
 from vtkmuscle.scene.joints import SceneJoints, joints_of, motion_from
 from vtkmuscle.scene.schema import Aponeuroses, Area, Estimate, SceneTable
 from vtkmuscle.scene.validation import validated

@@ -14,6 +14,7 @@ from pydantic import (
     ConfigDict,
     Field,
     PlainValidator,
+    PositiveFloat,
     WrapValidator,
     create_model,
     model_validator,
@@ -22,7 +23,7 @@ from pydantic_core import CoreSchema
 from pydantic_core.core_schema import literal_schema
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
+from vtkmuscle.core.motion.coordinates import ANGLES, MILLIMETRES
 from vtkmuscle.core.words import quoted, suggestion
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.attachments import ROLES, VIA
@@ -32,15 +33,14 @@ from vtkmuscle.filters.path_deformer import PathDeformer
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.filters.taut_paths import TautPaths
 from vtkmuscle.io.landmarks import FRAMES
+from vtkmuscle.io.motion_table import MOST_FRAMES
 from vtkmuscle.pipelines import DEFORMERS, FIBRE_SETTINGS, QUALITIES, TRANSPORT_SETTINGS
-from vtkmuscle.scene.data import MILLIMETRES, words_of
+from vtkmuscle.scene.data import words_of
 
 #: Text in place of attachments, for estimates.
 ESTIMATE = "estimate"
 #: Bone of a single table of transforms; the key ``bone`` has the name.
 ALONE = ""
-#: Largest number of frames of a motion; more indicate a wrong step.
-MOST_FRAMES = 10_000
 #: By table and key of a scene file: meaning, and an example.
 _KEYS = toml_table("vtkmuscle.scene", "keys.toml")
 
@@ -130,7 +130,6 @@ class OneOf:
 
 Text = Annotated[str, Field(min_length=1)]
 Name = Annotated[Text, AfterValidator(checked_name)]
-Positive = Annotated[float, Field(gt=0.0)]
 Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 Direction = Annotated[Triple, AfterValidator(_direction)]
 
@@ -217,13 +216,13 @@ class OpenSimTable(SchemaTable):
 class Hill(SchemaTable):
     """Hill's parameters of a muscle, for exports. A run uses two lengths for its architecture."""
 
-    optimal_fibre_length: Positive | None = None
-    tendon_slack_length: Positive | None = None
-    sarcomere_length: Positive | None = None
+    optimal_fibre_length: PositiveFloat | None = None
+    tendon_slack_length: PositiveFloat | None = None
+    sarcomere_length: PositiveFloat | None = None
     pennation: Annotated[float, Field(ge=0.0, lt=90.0)] | None = None
-    max_isometric_force: Positive | None = None
-    pcsa: Positive | None = None
-    specific_tension: Positive | None = None
+    max_isometric_force: PositiveFloat | None = None
+    pcsa: PositiveFloat | None = None
+    specific_tension: PositiveFloat | None = None
 
     @model_validator(mode="after")
     def _check(self) -> Hill:
@@ -276,7 +275,7 @@ class BoneTable(SchemaTable):
 class ColumnTable(SchemaTable):
     """A column of a table of transforms that is a joint coordinate."""
 
-    unit: Annotated[str, OneOf((*ANGLES, *TRANSLATIONS))] = "deg"
+    unit: Annotated[str, OneOf((*ANGLES, *MILLIMETRES))] = "deg"
     positive: Text | None = None
 
 

@@ -15,16 +15,16 @@ from vtkmuscle.core.mesh.sampling import samples_inside
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import diagonal, mean_thickness, signed_volume
 from vtkmuscle.core.moment_arms.levers import largest_turns, twists_by
-from vtkmuscle.core.motion.coordinates import ANGLES
+from vtkmuscle.core.motion.coordinates import ANGLES, MILLIMETRES
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.anatomy import JOINTS, stem_of
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
-from vtkmuscle.scene.data import MILLIMETRES, Anatomy, Finding, Muscle, RestSurface, SceneData, SceneError
+from vtkmuscle.scene.data import Anatomy, Finding, Muscle, RestSurface, SceneData, SceneError
 
 #: Checks by name: limits, and words.
-_CHECKS = toml_table("vtkmuscle.scene", "sense.toml")
+CHECKS = toml_table("vtkmuscle.scene", "sense.toml")
 #: Limits that are lengths hold for muscles of this size, the cube root of the volume [mm], and are in
 #: proportion for other muscles, so that a mouse is judged as a man is. Muscles of a hip and a knee have 23
 #: (quadratus femoris) to 91 (gluteus maximus).
@@ -33,7 +33,7 @@ FULL_SIZE = 50.0
 
 def _finding(check: str, key: str, *, certain: bool = False, **values: Any) -> Finding:
     """Return a finding in the words of a check."""
-    problem, remedy = (_CHECKS[check][part].format(**values) for part in ("says", "do"))
+    problem, remedy = (CHECKS[check][part].format(**values) for part in ("says", "do"))
     return Finding(key, problem, remedy, certain)
 
 
@@ -76,10 +76,10 @@ def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
     clouds += [muscle.points for muscle in anatomy.muscles.values()]
     longest = max(float(np.ptp(points, axis=0).max()) for points in clouds)
     offset = max(float(np.abs(points).max()) for points in clouds)
-    if offset > _CHECKS["far_from_origin"]["sizes"] * longest > 0.0:
+    if offset > CHECKS["far_from_origin"]["sizes"] * longest > 0.0:
         yield _finding("far_from_origin", "", certain=True, offset=offset, units=units)
     volumes = {name: abs(signed_volume(*surface)) for name, surface in anatomy.muscles.items()}
-    largest, limits = max(volumes, key=volumes.__getitem__), _CHECKS["unit"]
+    largest, limits = max(volumes, key=volumes.__getitem__), CHECKS["unit"]
     fitting = [
         unit
         for unit in ("mm", "m", "cm")
@@ -104,7 +104,7 @@ def _ring(key: str, area: AttachmentArea, muscle: RestSurface, units: str) -> It
         return
     if area.estimated or not area.closed or len(landmarks) < 4:
         return
-    limits = _CHECKS["ring"]
+    limits = CHECKS["ring"]
     landmarks = landmarks[:: -(-len(landmarks) // limits["landmarks"])]
     length, shortest = ring_length(landmarks), ring_length(landmarks[short_ring(landmarks)])
     if length > limits["ratio"] * shortest:
@@ -114,7 +114,7 @@ def _ring(key: str, area: AttachmentArea, muscle: RestSurface, units: str) -> It
 
 def _guessed(scene: SceneData) -> Iterator[Finding]:
     """Yield guesses of attachments, joints and the unit that are not sure."""
-    sure = _CHECKS["estimate"]["confidence"]
+    sure = CHECKS["estimate"]["confidence"]
     for name, muscle in scene.muscles.items():
         for number, area in enumerate(muscle.attachments):
             if area.confidence is not None and area.confidence < sure:
@@ -128,7 +128,7 @@ def _guessed(scene: SceneData) -> Iterator[Finding]:
 def _twice(anatomy: Anatomy) -> Iterator[Finding]:
     """Yield muscles that lie in one another."""
     boxes = {name: (m.points.min(axis=0), m.points.max(axis=0)) for name, m in anatomy.muscles.items()}
-    limits = _CHECKS["twice"]
+    limits = CHECKS["twice"]
     for (name, own), (other, theirs) in permutations(boxes.items(), 2):
         if (np.minimum(own[1], theirs[1]) <= np.maximum(own[0], theirs[0])).any():
             continue
@@ -145,7 +145,7 @@ def _scale(muscle: RestSurface, millimetres: float) -> float:
 
 def _in_bones(millimetres: float, name: str, anatomy: Anatomy) -> Iterator[Finding]:
     """Yield bones deep in a muscle at rest, or around a muscle."""
-    muscle, limits = anatomy.muscles[name], _CHECKS["in_bone"]
+    muscle, limits = anatomy.muscles[name], CHECKS["in_bone"]
     deepest = limits["depth"] * _scale(muscle, millimetres)
     for bone, surface in anatomy.bones.items():
         few = surface.points[:: 1 + len(surface.points) // limits["points"]]
@@ -171,7 +171,7 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
     scale = _scale(anatomy.muscles[name], millimetres)
     thickness = mean_thickness(*anatomy.muscles[name]) * millimetres
     areas = {number: area for number, area in enumerate(muscle.attachments) if area.role in ROLES}
-    away, medians, nearest, limits = {}, {}, {}, _CHECKS["other_bone"]
+    away, medians, nearest, limits = {}, {}, {}, CHECKS["other_bone"]
     for number, area in areas.items():
         gaps_to = {bone: surface.solids.distances(area.landmarks) for bone, surface in anatomy.bones.items()}
         away[number] = {bone: millimetres * np.abs(gaps) for bone, gaps in gaps_to.items()}
@@ -185,11 +185,11 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
         return
     for number, area in areas.items():
         where, own = f"{key}[{number}].landmarks", medians[number][area.bone]
-        lost = float(away[number][area.bone].min()) > _CHECKS["far"]["lengths"] * length
+        lost = float(away[number][area.bone].min()) > CHECKS["far"]["lengths"] * length
         if number in nearest and not lost:
             gap, other = medians[number][nearest[number]], nearest[number]
             yield _finding("other_bone", where, own=own, bone=area.bone, other=other, other_gap=gap)
-        elif own > _CHECKS["far"]["thicknesses"] * thickness:
+        elif own > CHECKS["far"]["thicknesses"] * thickness:
             yield _finding("far", where, certain=lost, own=own, bone=area.bone)
     bones = {area.bone for area in areas.values()}
     if len(areas) > 1 and len(bones) == 1:
@@ -207,7 +207,7 @@ def _coordinates(scene: SceneData) -> Iterator[Finding]:
     """Yield coordinates that contradict the motion of the bones: in size, or in direction."""
     angles = {name: q for name, q in scene.motion.coordinates.items() if q.unit in ANGLES and q.changes}
     widest = np.degrees(max((float(np.ptp(q.natural)) for q in angles.values()), default=np.inf))
-    if widest < _CHECKS["radians"]["degrees"] and all(q.twists for q in angles.values()):
+    if widest < CHECKS["radians"]["degrees"] and all(q.twists for q in angles.values()):
         yield _finding("radians", "motion", widest=widest)
     for name, q in angles.items():
         key, turns = f"motion.coordinates.{name}", _turns(scene, name)
@@ -216,7 +216,7 @@ def _coordinates(scene: SceneData) -> Iterator[Finding]:
         if q.twists is None and sizes:  # else the joint itself turns the bones
             best = min(sizes, key=lambda turn: float(np.abs(np.log(turn + 1e-9)).mean()))
             low, high = np.percentile(best, (25, 75))
-            if low < 1.0 / _CHECKS["turns"]["ratio"] or high > _CHECKS["turns"]["ratio"]:
+            if low < 1.0 / CHECKS["turns"]["ratio"] or high > CHECKS["turns"]["ratio"]:
                 yield _finding("turns", key, turn=np.median(best))
                 continue
         if sizes:
@@ -238,14 +238,14 @@ def _direction(
         if scene.frame == "RAS":
             axis = axis * [-1.0, -1.0, 1.0]
         turn = (turns[child] - turns[parent]).mean(axis=0)
-        if turn @ axis < _CHECKS["sign"]["part"] * np.linalg.norm(turn) < 0.0:
+        if turn @ axis < CHECKS["sign"]["part"] * np.linalg.norm(turn) < 0.0:
             yield _finding("sign", key, bone=child, frame=scene.frame)
         return
 
 
 def _steps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     """Yield the largest jump of the motion. Steps are of all bones, as bones on a grid move in turn."""
-    steps, limits = np.zeros(len(scene.motion.times) - 1), _CHECKS["jump"]
+    steps, limits = np.zeros(len(scene.motion.times) - 1), CHECKS["jump"]
     for bone in scene.motion.transforms.keys() & anatomy.bones.keys():
         table, points = scene.motion.transforms[bone], anatomy.bones[bone].points
         corners = np.array(list(product(*zip(points.min(axis=0), points.max(axis=0), strict=True))))
@@ -266,7 +266,7 @@ def _steps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
 
 def _gaps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     """Yield bones that leave the bones they touch at rest, run into bones, or fly apart."""
-    limits = _CHECKS["gap"]
+    limits = CHECKS["gap"]
     chosen = np.unique(np.linspace(0, len(scene.motion.times) - 1, limits["poses"]).astype(np.int64))
     sizes = {name: diagonal(bone.points) for name, bone in anatomy.bones.items()}
     bodies: dict[bytes, list[str]] = {}
@@ -300,7 +300,7 @@ def _gaps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
 def _gap(anatomy: Anatomy, bone: str, other: str, moved: Floats) -> float:
     """Return the gap between a bone and another bone that is moved, negative inside."""
     points, solids = anatomy.bones[other].points, anatomy.bones[bone].solids
-    placed = apply_transform(moved, points[:: 1 + len(points) // _CHECKS["gap"]["points"]])
+    placed = apply_transform(moved, points[:: 1 + len(points) // CHECKS["gap"]["points"]])
     (low, high), ends = solids.box, (placed.min(axis=0), placed.max(axis=0))
     far = float(np.linalg.norm(np.maximum(0.0, np.maximum(low - ends[1], ends[0] - high))))
     if far > 0.1 * diagonal(points):

@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import triangle_normals
-from vtkmuscle.core.mesh.surface import edge_lengths, point_components, unique_edges
+from vtkmuscle.core.mesh.surface import NOISE, edge_lengths, point_components, unique_edges
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Muscle length that outweighs a gap of 1 between an end and a bone. Values from 1 to 100 choose the same
@@ -31,8 +31,6 @@ BEYOND = 0.1
 #: Last part of the distance from the opposite attachment for a tendon's attachment. From 0.15 to 0.3 areas
 #: overlap digitised areas equally (mean intersection over union 0.63 to 0.65).
 TENDON_END = 0.25
-#: Least share of a contact in the largest contact at its end; smaller contacts are noise.
-LEAST_SHARE = 0.05
 REMEDY = "join a separate tendon to the muscle's surface, add a missing bone, or give landmarks"
 
 
@@ -116,7 +114,7 @@ def attached_ends(
         parts = [(bone, part) for n, bone in enumerate(body) for part in _parts(edges, nearest == n, far)]
         sizes = np.array([weights[part].sum() for _, part in parts])
         order = np.argsort(-sizes, kind="stable")
-        contacts = [parts[i] for i in order if sizes[i] >= LEAST_SHARE * sizes[order[0]]]
+        contacts = [parts[i] for i in order if sizes[i] >= NOISE * sizes[order[0]]]
         rival = max((span.score for bone, span in rivals.items() if bone not in group), default=0.0)
         ends.append(AttachedEnd(own, contacts, 1.0 - max(0.0, rival) / best.score))
     return ends[0], ends[1]

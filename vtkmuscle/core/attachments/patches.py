@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
+from vtkmuscle.core.mesh.rest_shape import SLIVER
 from vtkmuscle.core.mesh.surface import (
     edge_lengths,
     half_edges,
@@ -24,7 +25,7 @@ from vtkmuscle.core.mesh.surface import (
     signed_volume,
 )
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
-from vtkmuscle.core.types import FloatMap, Floats, Ints
+from vtkmuscle.core.types import SAME, FloatMap, Floats, Ints
 
 #: Penalty s on edges away from the chord: at a distance of a chords an edge counts (1 + s a^2) times its
 #: length. On a sphere of equal triangles paths deviate by 6 % of the chord from the great circle with 10, by
@@ -63,16 +64,15 @@ def geodesic_curve(points: Floats, edges: Ints, vertices: Ints, *, closed: bool)
     return np.array(curve, dtype=np.int64)
 
 
-#: Largest distance of a landmark from its muscle, as a part of the muscle's diagonal.
+#: Largest distance of a landmark from its muscle, as a part of the muscle's diagonal: finds wrong units, of a
+#: factor of ten or more.
 FARTHEST_LANDMARK = 0.2
-#: Share of the surface below which the smaller side of a ring is certainly its inside.
+#: Share of the surface below which the smaller side of a ring is certainly its inside: the rest of a muscle
+#: that lies on its bone is as near.
 CLEAR_SHARE = 0.2
-#: Width of landmarks on a line, as a part of their length; they enclose nothing.
-_FLATNESS = 1e-3
-#: Distance within which landmarks are points of the muscle, as a part of the muscle's diagonal.
-ON_POINTS = 1e-6
 #: Least approach to the bone by a step along the normal of a facing point, as a part of the step; a point
-#: that faces away recedes as much. Points between are on the rim of the muscle.
+#: that faces away recedes as much. Points between are on the rim of the muscle. If all points faced the bone,
+#: fibres of four muscles of a real hip would change by 0.04 to 0.4 mm.
 FACING = 0.5
 
 
@@ -105,7 +105,7 @@ def attachment_patch(
     within = usual if tolerance is None else tolerance
     vertices = _nearest_vertices(points, triangles, landmarks, (within, usual), bone_distance)
     spread = np.linalg.svd(landmarks - landmarks.mean(axis=0), compute_uv=False)
-    ring = closed and len(landmarks) > 2 and bool(spread[1] > _FLATNESS * spread[0])
+    ring = closed and len(landmarks) > 2 and bool(spread[1] > SLIVER * spread[0])
     curve = geodesic_curve(points, edges, vertices, closed=ring)
     if ring and len(patch := _enclosed(points, triangles, curve, (edges, edge_of), bone_distance)):
         return patch
@@ -136,7 +136,7 @@ def _nearest_vertices(
         problem = f"landmark {worst} is {offsets[worst]:.4g} from the muscle, of size {diagonal:.4g}"
         remedy = "check the units, leave out an attachment of another muscle, or give a larger distance"
         raise InputError("", f"{problem}; at most {limit:.4g} is accepted", remedy)
-    if to_bone is not None and offsets[worst] > ON_POINTS * diagonal:
+    if to_bone is not None and offsets[worst] > SAME * diagonal:
         outward = vertex_normals(points, triangles) * np.sign(signed_volume(points, triangles) or 1.0)
         waiting, count, step = np.arange(len(landmarks)), 1, lengths[1]
         while len(waiting):
@@ -239,10 +239,6 @@ def outline(points: Floats, triangles: Ints, patch: Ints) -> tuple[Floats, bool]
     return points[longest[: -1 : -(-(len(longest) - 1) // MOST_LANDMARKS)]], True
 
 
-#: Most passes over all pairs of edges; a ring of a hundred points takes about ten.
-_MOST_PASSES = 200
-
-
 def ring_length(points: Floats) -> float:
     """Return the length of the ring through points (n, 3)."""
     return float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum())
@@ -270,12 +266,12 @@ def short_ring(points: Floats) -> Ints:
         order.append(nearest)
         left[nearest] = False
     ring = np.array(order, dtype=np.int64)
-    for _ in range(_MOST_PASSES):
+    while True:
         onward = np.roll(ring, -1)
         edges = distance[ring, onward]
         gain = edges[:, None] + edges[None] - distance[np.ix_(ring, ring)] - distance[np.ix_(onward, onward)]
-        i, j = sorted(np.unravel_index(int(np.argmax(np.triu(gain, 2))), gain.shape))
+        gain = np.triu(gain, 2)
+        i, j = np.unravel_index(int(np.argmax(gain)), gain.shape)
         if not gain[i, j] > 1e-12 * edges.sum():
-            break
+            return ring
         ring[i + 1 : j + 1] = ring[i + 1 : j + 1][::-1]
-    return ring

@@ -19,6 +19,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
+from vtkmuscle.core.fibres.direction_field import NEIGHBOURS
+from vtkmuscle.core.fibres.measures import SIDES
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.polylines import smooth_polylines
 from vtkmuscle.core.mesh.sampling import PatchSamples, part_means
@@ -27,14 +29,11 @@ from vtkmuscle.core.types import FloatMap, Floats, Ints
 #: Positions on the smaller area that decide which part of the larger area stays bare. With 64 to 400
 #: positions fibres in the measured gastrocnemius deviate by 10.0 to 11.0 degrees from the tracts (median).
 COARSE = 128
-#: Number of fibres whose mean is the direction at a position of an area; from 2 to 16 fibres the deviation
-#: varies as little.
-N_NEIGHBOURS = 4
-#: Areas count as equal above this ratio of cross-sections: one row of a square of `COARSE` positions.
-EQUAL = 1.0 - COARSE**-0.5
-#: Passes in which fibres that leave the muscle are smoothed and put back into it.
+#: Passes in which fibres that leave the muscle are smoothed and put back into it. With 16 fibres of ten
+#: muscles of a hip and a knee, straight otherwise, are shorter by at most 0.5 %, with 4 longer by 0.6 %.
 BENDS = 8
-#: Weight of the middle point in that smoothing, as in the papers'.
+#: Weight of the middle point in that smoothing, of Kohout et al. 2012, *Muscle Fibres Modelling*, section
+#: 3.4.
 MIDDLE = 4.0
 
 
@@ -89,13 +88,13 @@ def _taken(origin: EndSurface, insertion: EndSurface, candidates: Sequence[Float
     ends = ends[matched_ends(starts, ends)]
     directions = unit_vectors(ends - starts)
     sections = [
-        area.crossed_by(directions[cKDTree(feet).query(positions, N_NEIGHBOURS)[1]], positions)
+        area.crossed_by(directions[cKDTree(feet).query(positions, SIDES)[1]], positions)
         for area, positions, feet in zip(areas, coarse, (starts, ends), strict=True)
     ]
     takes = [np.multiply(area.takes, s.mean()) for area, s in zip(areas, sections, strict=True)]
     larger = int(takes[1][0] > takes[0][0])
     ratio = takes[larger][0] / takes[1 - larger][1]
-    if ratio <= 1.0 / EQUAL:
+    if ratio * (1.0 - COARSE**-0.5) <= 1.0:  # equal but for a row of a square of positions
         return candidates
     counts = [COARSE, COARSE]
     counts[larger] = round(ratio * COARSE)
@@ -147,9 +146,11 @@ def bend_inside(fibres: Floats, into_muscle: FloatMap) -> Floats:
     return fibres
 
 
-#: Largest random extra weight of a position in the axes that divide an area: decides between equal axes.
+#: Largest random extra weight of a position in the axes that divide an area: decides between equal axes. With
+#: 0 to 0.2 mean lengths of fibres in the ten muscles differ by at most 0.06 mm.
 UNEVEN = 0.1
-#: Positions that sample each share of an area.
+#: Positions that sample each share of an area: with 8 to 32 mean lengths of fibres in the ten muscles differ
+#: by at most 0.2 mm.
 CANDIDATES = 16
 #: Passes of Lloyd's relaxation. For 333 positions on plates of 30 x 10 and 5 x 60 mm cell sizes have a
 #: standard deviation of 0.33 of the mean without passes, 0.18 with 2, 0.14 with 16; between equal plates with
@@ -157,9 +158,8 @@ CANDIDATES = 16
 RELAXATIONS = 2
 #: Positions matched at once: time grows with the cube of the number, 0.1 s for a thousand.
 AT_ONCE = 512
-#: Neighbouring fibres that may exchange ends, after matching in parts.
-NEIGHBOURS = 8
-#: Thickness of a flat area, as a part of its extent: keeps the map between flat areas free of rounding.
+#: Thickness of a flat area, as a part of its extent: keeps the map between flat areas free of rounding. With
+#: 0.001 to 0.1 mean lengths of fibres in the ten muscles differ by at most 0.17 mm.
 FLAT = 0.01
 
 

@@ -11,6 +11,7 @@ from scipy.sparse import csc_array, csr_array, vstack
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.fibres.between_areas import halved
+from vtkmuscle.core.fibres.direction_field import NEIGHBOURS
 from vtkmuscle.core.fibres.mean_value import coordinate_mesh, mean_value_coordinates, transport, weights_of
 from vtkmuscle.core.jit import reduction
 from vtkmuscle.core.mesh.normals import unit_vectors
@@ -18,14 +19,13 @@ from vtkmuscle.core.mesh.polylines import curve_segments, nearest_arcs
 from vtkmuscle.core.mesh.solids import points_inside, solids_of
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree, tree_of_deformed
 from vtkmuscle.core.skinning.skinning import falling_weights
-from vtkmuscle.core.types import Bools, Floats, Ints, Progress, quiet
+from vtkmuscle.core.types import ROUNDING, SAME, Bools, Floats, Ints, Progress, quiet
 
-#: Points in a block of weights: a step of progress, and the time until an abort.
-_BLOCK = 256
-#: Size up to which weights are kept [bytes]; further weights are computed again for each frame.
+#: Points whose weights are computed at once: a step of progress, and the time until an abort.
+_BLOCK = 128
+#: Size up to which weights are kept [bytes], of 27 000 points in 10 000 vertices; further weights are
+#: computed again for each frame.
 _LARGEST_CACHE = 2**31
-#: Points nearer to the surface than this part of the muscle's size count as inside.
-_ON_SURFACE = 1e-6
 
 
 class EmbeddedPoints:
@@ -59,7 +59,7 @@ class EmbeddedPoints:
     @cached_property
     def n_outside(self) -> int:
         """Number of points outside the muscle at rest."""
-        return int((self.gap > _ON_SURFACE * np.linalg.norm(np.ptp(self.points, axis=0))).sum())
+        return int((self.gap > SAME * np.linalg.norm(np.ptp(self.points, axis=0))).sum())
 
     @property
     def error(self) -> float:
@@ -99,14 +99,9 @@ class EmbeddedPoints:
         positions[out] = nearest + part * (positions[out] - nearest)
 
 
-#: Added to the unit diagonal of the correction's equations: means may lie in one plane.
+#: Added to the unit diagonal of the correction's equations: means may lie in one plane. A thousandth of the
+#: error that counts as rounding.
 _RIDGE = 1e-12
-#: An error after the correction is rounding below this part of its terms.
-_CORRECTED = 1e-10
-#: Largest change of weights by the correction, as a part of their sum; beyond, a row keeps all its weights.
-LARGEST_CHANGE = 1.0
-#: Points whose weights are grouped at once.
-AT_ONCE = 128
 #: Halvings from a group to its subgroups.
 HALVINGS = 2
 #: Indices of a sparse matrix.
@@ -188,8 +183,8 @@ def sparse_mean_value_coordinates(
 
     ordered_bent = np.ascontiguousarray(bent[order].T)
     parts, error = [csr_array((0, len(means)))], 0.0
-    for first in range(0, len(queries), AT_ONCE):
-        block = queries[first : first + AT_ONCE]
+    for first in range(0, len(queries), _BLOCK):
+        block = queries[first : first + _BLOCK]
         weights = weights_of(mesh, block, first=first)
         grouped = _grouped(weights, groups, threshold)
         corrected = _reproduce_points(grouped, means, groups.sizes, block - mesh.centre)
@@ -200,7 +195,7 @@ def sparse_mean_value_coordinates(
         missed = grouped @ means_of_bent - np.einsum("qn,kn->qk", weights, ordered_bent)
         error = max(error, float(np.linalg.norm(missed, axis=1).max()))
         parts.append(grouped)
-        report(min(1.0, (first + AT_ONCE) / len(queries)))
+        report(min(1.0, (first + _BLOCK) / len(queries)))
     return SparseWeights(csc_array(vstack(parts)), error, means_of)
 
 
@@ -264,18 +259,11 @@ def _reproduce_points(weights: csr_array, means: Floats, sizes: Ints, queries: F
     target = np.array([1.0, 0.0, 0.0, 0.0])
     missing = (target - summed(weights.data * terms)) / scales
     multipliers = np.linalg.solve(matrices, missing[..., None])[..., 0] / scales
-    change = counts * sum(term * factor.take(row) for term, factor in zip(terms, multipliers.T, strict=True))
-    most = LARGEST_CHANGE * summed(np.abs(weights.data))
-    weights.data += change
+    change = sum(term * factor.take(row) for term, factor in zip(terms, multipliers.T, strict=True))
+    weights.data += counts * change
     products = weights.data * terms
-    left = np.abs(target - summed(products)) <= _CORRECTED * (target + summed(np.abs(products)))
-    return left.all(axis=1) & (summed(np.abs(change)) <= most)
-
-
-#: Number of path points in the weighted mean that places a fibre end.
-N_NEIGHBOURS = 8
-#: Largest distance of a straight fibre's points from its chord, as a part of the fibre's length.
-STRAIGHT = 1e-6
+    left = np.abs(target - summed(products)) <= ROUNDING * (target + summed(np.abs(products)))
+    return np.asarray(left.all(axis=1))
 
 
 class Tendons:
@@ -294,7 +282,7 @@ class Tendons:
     def __init__(self, fibres: Floats, paths: Floats, fixed: Bools) -> None:
         self._share = np.linspace(0.0, 1.0, fibres.shape[1])[:, None]
         bow = np.linalg.norm(fibres - self._chords(fibres[:, 0], fibres[:, -1]), axis=2).max(axis=1)
-        self._bent = bow > STRAIGHT * np.linalg.norm(fibres[:, -1] - fibres[:, 0], axis=1)
+        self._bent = bow > SAME * np.linalg.norm(fibres[:, -1] - fibres[:, 0], axis=1)
         self._free = ~fixed
         self._sides = [_EndNeighbours(fibres[:, end], paths[:, :: -1 if end else 1]) for end in (0, -1)]
 
@@ -319,7 +307,7 @@ class _EndNeighbours:
 
     def __init__(self, ends: Floats, paths: Floats) -> None:
         nodes, n = paths.reshape(-1, 3), paths.shape[1]
-        apart, nearest_nodes = cKDTree(nodes).query(ends, range(1, min(N_NEIGHBOURS, len(nodes)) + 1))
+        apart, nearest_nodes = cKDTree(nodes).query(ends, range(1, min(NEIGHBOURS, len(nodes)) + 1))
         self._paths, self._weights = nearest_nodes // n, falling_weights(apart, np.finfo(float).tiny)
         self._arcs = nearest_arcs(paths[self._paths], ends[:, None])[0]
         feet, self._ahead = self._along(paths)

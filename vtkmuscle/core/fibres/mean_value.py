@@ -32,21 +32,17 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import lane, vector_kernel
 from vtkmuscle.core.machine import processors
 from vtkmuscle.core.mesh.surface import diagonal
-from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.core.types import SAME, Bools, Floats, Ints
 
-#: Distance below which a query point lies on a vertex, edge or triangle; part of the mesh's diagonal.
+#: Distance below which a query point lies on a vertex, edge or triangle; part of the mesh's diagonal, 450
+#: times the rounding of a number.
 ON_SURFACE = 1e-13
-#: Weights that miss their point by more than this part of the diagonal come from an open surface.
-LARGEST_RESIDUAL = 1e-6
-#: Query points computed together.
+#: Query points computed together: two vectors of eight numbers, or four of four.
 LANES = 16
 #: Largest u = sin^2(theta / 2) of an edge of a far triangle: 20 degrees; f has all digits after 11 terms.
 SMALL_ANGLE = 1.0 / 32.0
-#: Squared height over squared distance, below which rounding of S / h needs the separate computation.
-LEVEL = 1e-6
-#: Sum over its terms, below which cancellation has cost digits of S.
-CANCELLED = 1e-6
-#: Squared height over squared distance, below which the series of the excess is exact.
+#: Squared height over squared distance, and a sum over its terms, below which rounding has cost digits of S;
+#: there the series of the excess is exact.
 FLAT = 1e-6
 #: Coefficients of f in u, from the greatest power on.
 _TERMS = tuple(4.0**k * math.factorial(k) ** 2 / math.factorial(2 * k + 1) for k in reversed(range(11)))
@@ -126,7 +122,7 @@ def weights_of(mesh: CoordinateMesh, queries: Floats, *, first: int = 0) -> Floa
 
     with ThreadPoolExecutor(processors()) as pool:
         list(pool.map(work, range(0, len(queries), LANES)))
-    bad = np.flatnonzero(~(residuals <= LARGEST_RESIDUAL * mesh.diagonal))
+    bad = np.flatnonzero(~(residuals <= SAME * mesh.diagonal))
     if len(bad):
         problem = f"the weights of {len(bad)} point(s), first point {first + bad[0]}, do not reproduce them"
         remedy = "close the surface, orient its triangles alike, and keep points within a few times its size"
@@ -232,7 +228,7 @@ def _see_far(
             g0, g1, g2 = r12 * _half_f(u0), r20 * _half_f(u1), r01 * _half_f(u2)
             s = (g0 * b0 + g1 * b1 + g2 * b2) / (h * area)
             a, b, c = l01 * (g1 - g0), l02 * (g2 - g0), l12 * (g2 - g1)
-            is_close = (max(u0, u1, u2) > SMALL_ANGLE) | (h * h <= LEVEL * d0)
+            is_close = (max(u0, u1, u2) > SMALL_ANGLE) | (h * h <= FLAT * d0)
             n_close += 1 if is_close else 0
             buffer[_CLOSE + k] = 1.0 if is_close else 0.0
             buffer[_W0 + k] = buffer[_V0 + k] + (0.0 if is_close else b0 * s + h * (a + b))
@@ -265,7 +261,7 @@ def _see_near(
     dots, b, h = _dot(firsts, seconds), _dot(normals[:, None], crosses), _dot(normals, e[:, 0])
     g = np.where(cross > 0.0, 0.5 * np.arctan2(cross, dots) / cross, 0.5 / dots)
     s, terms = _dot(g, b), _dot(g, abs(b))
-    lost = abs(s) <= CANCELLED * terms
+    lost = abs(s) <= FLAT * terms
     s[lost] = -0.5 * _flat_excess(h[lost], *(some[..., lost] for some in (b, g, sides, firsts, seconds)))
     along = _dot((g * sides).sum(axis=1)[:, None], sides)
     added = b * (s / (h * areas)) + (h / areas) * along

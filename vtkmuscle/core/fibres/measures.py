@@ -84,9 +84,10 @@ def group_fibres(lengths: Floats, count: int) -> Ints:
 
 #: Stations along each fibre; number of stations from an end to the station compared with the end.
 STATIONS, INWARD = 33, 4
-#: Neighbours of each fibre, nearest in the middle: the sides of a square.
-NEIGHBOURS = 4
-#: Neighbours meet, without a side, below this part of the median distance at a station.
+#: Nearest neighbours of a fibre: the sides of a square.
+SIDES = 4
+#: Neighbours meet, without a side, below this part of the median distance at a station. With 0 up to 8 % more
+#: of the neighbours in ten muscles of a hip and a knee seem to cross, with 0.5 up to 6 % fewer.
 MEET = 0.25
 #: Turn between two segments beyond which a fibre is hooked, as it runs back [degrees].
 HOOKED = 90.0
@@ -134,7 +135,7 @@ def _turns(steps: Floats) -> Floats:
 
 def _neighbours(middle: Floats) -> Ints:
     """Return the four (or fewer) nearest fibres, (n, 4). Distances are in the middle."""
-    count = min(NEIGHBOURS, len(middle) - 1)
+    count = min(SIDES, len(middle) - 1)
     if count < 1:
         return np.empty((len(middle), 0), dtype=np.int64)
     nearest = cKDTree(middle).query(middle, count + 1)[1]

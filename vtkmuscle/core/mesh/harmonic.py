@@ -8,7 +8,7 @@ from scipy.sparse.linalg import splu
 
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.surface import half_edges, point_components
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import ROUNDING, Floats, Ints
 
 #: Bounds of an edge's cotangent weight; between equilateral triangles the weight is 0.58. The lower bound
 #: keeps an M-matrix with obtuse triangles, so a harmonic function stays between its boundary values; the
@@ -30,7 +30,7 @@ def cotangent_laplacian(points: Floats, triangles: Ints) -> csr_array:
         apex, first, second = (points[triangles[:, (corner + 2 + turn) % 3]] for turn in range(3))
         dots = np.einsum("ij,ij->i", first - apex, second - apex)
         # The floor keeps the quotient from overflowing, far above COTANGENT_BOUNDS.
-        floor = np.maximum(1e-9 * np.abs(dots), np.finfo(float).tiny)
+        floor = np.maximum(ROUNDING * np.abs(dots), np.finfo(float).tiny)
         cotangents[:, corner] = dots / np.maximum(doubled_areas, floor)
     bound = 2.0 * COTANGENT_BOUNDS[1]
     halves = np.clip(cotangents.reshape(-1), -bound, bound) / 2.0

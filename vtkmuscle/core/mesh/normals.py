@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import SAME, Floats, Ints
 
 #: Turns between triangles that meet in a crease [degrees]. From the first to the second angle the weight of a
 #: neighbour falls to 0, so a normal does not jump as a body bends.
 CREASE = 45.0, 75.0
-#: Barycentric share of a corner below which a position is on the opposite edge.
-ON_EDGE = 1e-6
 
 
 def triangle_normals(points: Floats, triangles: Ints) -> Floats:
@@ -58,7 +56,7 @@ def faces_that_meet(points: Floats, triangles: Ints, faces: Ints, positions: Flo
     a corner. Positions (k, 3) are on the triangles ``faces`` (k,), with an area.
     """
     own = unit_vectors(triangle_normals(points, triangles[faces]))
-    on = _shares(points[triangles[faces]], positions, own) > ON_EDGE
+    on = _shares(points[triangles[faces]], positions, own) > SAME
     inside = on.all(axis=1)
     outer = np.flatnonzero(~inside)
     corner, which, around = _triangles_around(triangles, faces[outer])

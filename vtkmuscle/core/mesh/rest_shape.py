@@ -11,14 +11,13 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import lane, vector_kernel
 from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, edge_lengths
-from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
 
-#: Least tangent of a triangle's corner at an edge, for a usable normal.
-DEGENERATE_TANGENT = 1e-9
-#: Largest height of a sliver, as a part of its length: a displacement as small turns the triangle over.
+#: Largest height of a sliver, as a part of its length: a displacement as small turns the triangle over. A
+#: ring as flat encloses nothing.
 SLIVER = 1e-3
 #: Least denominator of a volume projection, as a part of its rest value: a crushed muscle inflates over
-#: several projections, not to infinity at once.
+#: several projections, not to infinity at once. No muscle of a hip, a knee or an arm reaches it.
 VOLUME_FLOOR = 0.01
 
 
@@ -101,7 +100,7 @@ def edge_geometry(
     be = bx * ex + by * ey + bz * ez
     n11 = n1x * n1x + n1y * n1y + n1z * n1z
     n22 = n2x * n2x + n2y * n2y + n2z * n2z
-    least = DEGENERATE_TANGENT * DEGENERATE_TANGENT
+    least = ROUNDING * ROUNDING
     proper = (n11 > least * (ae * ae)) & (n22 > least * (be * be)) & (n11 * n22 > 0.0)
     sine = -math.sqrt(ee) * (n1x * bx + n1y * by + n1z * bz)
     cosine = n1x * n2x + n1y * n2y + n1z * n2z

@@ -12,24 +12,20 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.surface import edge_lengths, faces_between, unique_edges
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
-from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.core.types import ROUNDING, SAME, Bools, Floats, Ints
 
 #: Most blocks of positions tested; a body fills a tenth of its box or more.
 MOST_BLOCKS = 512
-#: Positions of a column.
+#: Positions of a column. With 8 the points of fibres in ten muscles of a hip and a knee move by 0.6 to 1.6 mm
+#: (root mean square).
 LAYERS = 16
-#: Root of g^3 = g + 1: remainders of multiples of 1 / g and 1 / g^2 fill a square evenly, for any number
-#: (Roberts 2018, *The unreasonable effectiveness of quasirandom sequences*).
-GOLDEN = 1.324717957244746
 #: Spread of the points' weights in a body's axes: decides between axes of equal length, far above rounding,
-#: without turning other axes.
+#: without turning other axes: the points of fibres in ten muscles move by at most 0.03 mm.
 UNEVEN = 1e-3
-#: Generic direction, in which a triangle's corners have different heights.
-GENERIC = np.array([1.0, 1.0 / GOLDEN, 1.0 / GOLDEN**2])
-#: Steps per extent to which positions are rounded before sorting triangles by position.
-ROUNDING_STEPS = 1e7
-#: Offset of samples from the bounds of parts: above rounding, invisible.
-OFF_BOUNDS = 1e-9
+#: Powers of the root 1 / g, g^3 = g + 1: remainders of their multiples fill a square evenly, for any number
+#: (Roberts 2018, *The unreasonable effectiveness of quasirandom sequences*). As a direction they are generic:
+#: a triangle's corners have different heights.
+GENERIC = 1.324717957244746 ** -np.arange(3.0)
 
 
 def even_samples(candidates: Floats, count: int) -> Floats:
@@ -126,7 +122,7 @@ class PatchSamples:
             return self.points[self._parts[:, 0]]
         bounds = np.cumsum(self._sizes)
         # Without the offset, fractions of a power of two fall on bounds of equal parts: rounding decides.
-        chosen = np.searchsorted(bounds, (u[:, 0] + OFF_BOUNDS) * bounds[-1], side="right")
+        chosen = np.searchsorted(bounds, (u[:, 0] + ROUNDING) * bounds[-1], side="right")
         a, b, *third = self.points[self._parts[chosen.clip(max=len(bounds) - 1)]].transpose(1, 0, 2)
         if not third:
             return np.asarray((1.0 - u[:, 1:2]) * a + u[:, 1:2] * b)
@@ -180,7 +176,7 @@ def _in_own_order(points: Floats, faces: Ints) -> Ints:
     middles = points[faces].mean(axis=1)
     centre, axes = own_axes(middles)
     along = (middles - centre) @ axes.T
-    along = np.round(along * (ROUNDING_STEPS / max(float(np.ptp(along, axis=0).max()), 1e-300)))
+    along = np.round(along / max(SAME * float(np.ptp(along, axis=0).max()), 1e-300))
     by_position = np.lexsort(along.T[::-1])
     ordered = faces[by_position[space_order(along[by_position])]]
     first = ((points[ordered] - centre) @ axes.T @ GENERIC).argmin(axis=1)
@@ -205,7 +201,7 @@ def samples_inside(inside: Callable[[Floats], Bools], points: Floats, count: int
     samples = np.empty((0, 3))
     for first in range(0, MOST_BLOCKS * block, block):
         numbers = np.arange(first, first + block)[:, None] + 0.5
-        across = np.repeat(numbers * [1.0 / GOLDEN, 1.0 / GOLDEN**2] % 1.0, LAYERS, axis=0)
+        across = np.repeat(numbers * GENERIC[1:] % 1.0, LAYERS, axis=0)
         shares = np.column_stack([np.tile(layers, block), across])
         positions = centre + (low + shares * (high - low)) @ axes
         samples = np.vstack([samples, positions[inside(positions)]])
@@ -214,7 +210,7 @@ def samples_inside(inside: Callable[[Floats], Bools], points: Floats, count: int
     return samples[:count]
 
 
-#: Binary digits of Sobol's numbers.
+#: Binary digits of Sobol's numbers, as in SciPy.
 BITS = 30
 
 
@@ -237,7 +233,7 @@ def sobol(count: int, dimension: int, *, first: int = 0) -> Floats:
     return np.asarray(points * 2.0**-BITS)
 
 
-#: Halvings of the longest side of the box around positions.
+#: Halvings of the longest side of the box around positions: the cells of a volume have 21 binary digits.
 HALVINGS = 7
 
 

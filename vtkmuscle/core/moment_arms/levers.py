@@ -15,11 +15,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from vtkmuscle.core.motion.blending import screws
-from vtkmuscle.core.motion.rigid import RigidMotion, inverses
-from vtkmuscle.core.types import Bools, Floats, Ints
-
-#: Difference within which values of a coordinate are equal, as a part of its range.
-SAME_VALUE = 1e-6
+from vtkmuscle.core.motion.rigid import SIX_DIGITS, RigidMotion, inverses
+from vtkmuscle.core.types import SAME, Bools, Floats, Ints
 
 
 class Differences(NamedTuple):
@@ -80,7 +77,7 @@ def differences_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) ->
 def _numbered(values: Floats) -> Ints:
     """Return the rank of each value among the different values."""
     order = np.argsort(values, kind="stable")
-    apart = np.diff(values[order]) > SAME_VALUE * max(float(np.ptp(values)), np.finfo(float).tiny)
+    apart = np.diff(values[order]) > SAME * max(float(np.ptp(values)), np.finfo(float).tiny)
     numbers = np.empty(len(values), dtype=np.int64)
     numbers[order] = np.concatenate([[0], np.cumsum(apart)])
     return numbers
@@ -147,7 +144,7 @@ def interval_among(frames: Ints, times: Floats, time: float) -> tuple[int, int, 
 
 
 #: Largest rotation of a bone between equal poses [degrees], plus a part of the rotation between frames, as
-#: poses between frames are interpolated.
+#: poses between frames are interpolated. Without the part a hip, a knee and an arm have the same results.
 SAME_POSE = 1.0
 SAME_POSE_PART = 0.1
 
@@ -193,17 +190,13 @@ def _conflicts(values: Floats, rotations: Rotation) -> list[tuple[int, int]]:
     return pairs
 
 
-#: Steps on either side in the comparison.
+#: Steps on either side in the comparison, and fewest in all: a line through two steps predicts no third.
 N_NEIGHBOURS = 3
-#: Fewest steps in a comparison: a line through two steps predicts no third.
-FEWEST_STEPS = 3
 #: Allowed part of a step. A muscle that lifts off a bone may halve its moment arm between steps, and a line
 #: through the neighbouring steps deviates by half of the change.
 KINK = 0.25
 #: Largest change of velocity within an even stretch of motion, as a part of the velocity.
 UNEVEN = 0.5
-#: Rounding of tables of six digits: of rotations [rad], and of positions as a part of the largest.
-ROUNDING = 1e-5
 
 
 def length_jumps(
@@ -225,8 +218,6 @@ def length_jumps(
     """
     count = max(len(lengths) - 1, 0)
     jumps = np.zeros((count, lengths.shape[1]))
-    if count <= FEWEST_STEPS:
-        return jumps
     durations, middles = np.diff(times), (times[1:] + times[:-1]) / 2.0
     steps = np.diff(lengths, axis=0)
     velocities = steps / durations[:, None]
@@ -235,7 +226,7 @@ def length_jumps(
         window = np.arange(max(i - N_NEIGHBOURS, 0), min(i + N_NEIGHBOURS + 1, count))
         neighbours = window[window != i]
         neighbours = neighbours[stretch[neighbours] == stretch[i]]
-        if len(neighbours) < FEWEST_STEPS:
+        if len(neighbours) < N_NEIGHBOURS:
             continue
         x, values = middles[neighbours] - middles[i], velocities[neighbours]
         pairs = combinations(range(len(x)), 2)
@@ -264,7 +255,7 @@ def even_stretches(motion: RigidMotion) -> Ints:
         turned = (rotations[1:] * rotations[:-1].inv()).as_rotvec()
         shifted = np.diff(table[:, :3, :3] @ centre + table[:, :3, 3], axis=0)
         lever = np.abs(centre).max() + np.abs(table[:, :3, 3]).max()
-        for moved, rounding in ((turned, ROUNDING), (shifted, ROUNDING * lever)):
+        for moved, rounding in ((turned, SIX_DIGITS), (shifted, SIX_DIGITS * lever)):
             velocities = moved / durations[:, None]
             sizes, unsure = np.linalg.norm(velocities, axis=1), 2.0 * rounding / durations
             # Velocities far below the largest, or within rounding, are from a table's last digits.

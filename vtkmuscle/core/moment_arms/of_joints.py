@@ -12,14 +12,12 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import mean_errors
-from vtkmuscle.core.moment_arms.levers import SAME_VALUE, differences_by
+from vtkmuscle.core.moment_arms.levers import differences_by
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import SAME, Floats, Ints
 
-#: Degree of the polynomial fitted to lengths (Modenese, Kohout 2020), and its least number of different
-#: values: more than coefficients, or the polynomial passes every noisy sample.
+#: Degree of the polynomial fitted to lengths (Modenese, Kohout 2020).
 QUARTIC = 4
-FEWEST_FOR_QUARTIC = QUARTIC + 2
 
 
 def checked_coordinates(motion: RigidMotion, names: Sequence[str]) -> None:
@@ -124,9 +122,9 @@ def quartic_moment_arms(
     at : (m,), coordinate values of the results; default: of the poses.
     """
     low, high = coordinate.min(), coordinate.max()
-    count = len(np.unique(np.round((coordinate - low) / max(SAME_VALUE * (high - low), 1e-300))))
-    if count < FEWEST_FOR_QUARTIC:
-        problem = f"the coordinate has {count} different value(s), but a quartic needs {FEWEST_FOR_QUARTIC}"
+    count = len(np.unique(np.round((coordinate - low) / max(SAME * (high - low), 1e-300))))
+    if count <= (coefficients := QUARTIC + 1):  # the polynomial would pass every noisy sample
+        problem = f"the coordinate has {count} different value(s), but a quartic needs {coefficients + 1}"
         raise InputError("", problem, "use more frames of the motion")
     q, wanted = (2.0 * (x - low) / (high - low) - 1.0 for x in (coordinate, coordinate if at is None else at))
     fits = polyfit(q, lengths, QUARTIC)

@@ -17,14 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.types import FloatMap, Floats, Ints
+from vtkmuscle.core.types import ROUNDING, SAME, FloatMap, Floats, Ints
 
-#: Candidate starts of a loop, and the least number of its segments.
+#: Candidate starts of a loop, and the least number of its segments. With 64 mean lengths of fibres in ten
+#: muscles of a hip and a knee differ by at most 3.2 mm.
 N_STARTS = 128
-#: Shortest segment, as a part of the loop's perimeter: shorter segments come from rounding.
-SHORTEST = 1e-9
-#: Distance from a corner, as a part of the perimeter, within which the corner replaces a vertex.
-CLOSEST = 1e-6
 
 
 class LoopStack(NamedTuple):
@@ -150,7 +147,7 @@ def refined_loop(loop: Floats, count: int) -> Floats:
     lengths = loop_lengths(loop)
     segments = np.diff(lengths)
     pieces = np.ceil(segments * count / lengths[-1]).astype(np.int64)
-    pieces[segments <= SHORTEST * lengths[-1]] = 0
+    pieces[segments <= ROUNDING * lengths[-1]] = 0
     segment = np.repeat(np.arange(len(loop)), pieces)
     number = np.arange(len(segment)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     share = (number / pieces[segment])[:, None]
@@ -169,7 +166,7 @@ def cornered_loop(loop: Floats, target: Floats, width: float, depth: float) -> F
     corners = perimeter * (np.cumsum([0.0, width, depth, width]) / (2.0 * (width + depth)))
     arcs = (lengths[:-1] - first) % perimeter
     apart = np.abs(arcs[:, None] - corners)
-    free = np.minimum(apart, perimeter - apart).min(axis=1) > CLOSEST * perimeter
+    free = np.minimum(apart, perimeter - apart).min(axis=1) > SAME * perimeter
     return points_at(loop, lengths, first + np.sort(np.concatenate([corners, arcs[free]])))
 
 

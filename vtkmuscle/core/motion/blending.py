@@ -71,14 +71,11 @@ def screws(motions: Floats) -> Floats:
     return np.hstack([slides, turns])
 
 
-#: Least determinant for Newton's method, as a part of the determinant of an equally large rotation.
+#: Least determinant for Newton's method, as a part of the determinant of an equally large rotation: below,
+#: the inverse has fewer than ten digits.
 _NEWTON_FROM = 1e-6
 #: Square of the last step: convergence is quadratic, so the next step is rounding.
 _LAST_STEP2 = 1e-17
-#: Square of the step below which X is not scaled (Higham 1986, section 3).
-_SCALED_FROM = 0.1
-#: Most steps; five are common.
-_MOST_STEPS = 20
 
 
 def nearest_rotations(matrices: Floats) -> Floats:
@@ -101,8 +98,8 @@ def _by_newton(matrices: Floats, y: Floats, converged: Bools) -> None:
     and nearly singular matrices, which stay.
     """
     for k in range(len(matrices)):
-        x, step2 = matrices[k], np.inf
-        for _ in range(_MOST_STEPS):
+        x = matrices[k]
+        while not converged[k]:
             size2, other2 = 0.0, 0.0
             for i in range(3):
                 for j in range(3):
@@ -111,21 +108,16 @@ def _by_newton(matrices: Floats, y: Floats, converged: Bools) -> None:
                     size2 += x[i, j] * x[i, j]
                     other2 += y[i, j] * y[i, j]
             determinant = x[0, 0] * y[0, 0] + x[0, 1] * y[0, 1] + x[0, 2] * y[0, 2]
-            m, n = 0.5, 0.5 / determinant
-            if step2 > _SCALED_FROM:
-                if not determinant > _NEWTON_FROM * (size2 / 3.0) * np.sqrt(size2 / 3.0):
-                    break
-                scale = np.sqrt(np.sqrt(other2 / size2) / determinant)
-                m, n = m * scale, n / scale
-            step2 = 0.0
+            if not determinant > _NEWTON_FROM * (size2 / 3.0) * np.sqrt(size2 / 3.0):
+                break
+            scale = np.sqrt(np.sqrt(other2 / size2) / determinant)
+            m, n, step2 = 0.5 * scale, 0.5 / (determinant * scale), 0.0
             for i in range(3):
                 for j in range(3):
                     value = m * x[i, j] + n * y[i, j]
                     step2 += (value - x[i, j]) ** 2
                     x[i, j] = value
-            if step2 <= _LAST_STEP2:
-                converged[k] = True
-                break
+            converged[k] = step2 <= _LAST_STEP2
 
 
 def origin_weights(offsets: Ints, a: float) -> Floats:

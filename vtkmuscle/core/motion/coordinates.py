@@ -30,8 +30,8 @@ def carried_twists(twists: Floats, transform: Floats) -> Floats:
 
 #: Units of angles, in radians.
 ANGLES = {"deg": math.pi / 180.0, "rad": 1.0}
-#: Units of translations, in millimetres.
-TRANSLATIONS = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+#: Units of lengths, in millimetres.
+MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +72,8 @@ class Coordinate:
         values = np.array(self.values, dtype=np.float64)
         if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
             raise InputError("", "the values of a coordinate must be a non-empty list of finite numbers")
-        if self.unit not in (*ANGLES, *TRANSLATIONS):
-            units = ", ".join(map(repr, (*ANGLES, *TRANSLATIONS)))
+        if self.unit not in (*ANGLES, *MILLIMETRES):
+            units = ", ".join(map(repr, (*ANGLES, *MILLIMETRES)))
             raise InputError("", f"the unit of a coordinate is {self.unit!r}, but must be one of {units}")
         for bone, twists in (self.twists or {}).items():
             if np.shape(twists) != (len(values), 6) or not np.isfinite(twists).all():
@@ -85,7 +85,7 @@ class Coordinate:
     @property
     def factor(self) -> float:
         """Radians or millimetres per unit."""
-        return {**ANGLES, **TRANSLATIONS}[self.unit]
+        return {**ANGLES, **MILLIMETRES}[self.unit]
 
     @property
     def natural(self) -> Floats:

@@ -37,8 +37,8 @@ def frame_at(centre: ArrayLike, angles: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
     return result
 
 
-#: Largest departure of R^T R of a rigid transform from the identity: tables with 6 digits pass.
-ORTHOGONALITY_TOLERANCE = 1e-5
+#: Rounding of tables of six digits: of rotations [rad], and of positions as a part of the largest.
+SIX_DIGITS = 1e-5
 
 
 def are_rigid(transforms: Floats) -> Bools:
@@ -46,7 +46,7 @@ def are_rigid(transforms: Floats) -> Bools:
     rotations, last = transforms[..., :3, :3], transforms[..., 3, :]
     with np.errstate(over="ignore", invalid="ignore"):  # numbers that are not finite
         off = np.abs(rotations.swapaxes(-1, -2) @ rotations - np.eye(3)).max(axis=(-1, -2))
-        proper = (off <= ORTHOGONALITY_TOLERANCE) & (np.linalg.det(rotations) > 0.0)
+        proper = (off <= SIX_DIGITS) & (np.linalg.det(rotations) > 0.0)
     finite = np.isfinite(transforms).all(axis=(-1, -2))
     return np.asarray(proper & finite & (last == [0.0, 0.0, 0.0, 1.0]).all(axis=-1))
 

@@ -21,7 +21,7 @@ from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.solids import closed_shells
 from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
-from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.core.types import ROUNDING, SAME, Bools, Floats, Ints
 
 Cells = NDArray[np.uint8]
 #: Values of cells.
@@ -30,13 +30,6 @@ OUTSIDE, BOUNDARY, INSIDE = 0, 1, 2
 DEFAULT_N_MAX = 8 * 64**3
 #: Most cells along each axis: with a byte for each, 134 MB of a bone.
 MOST_N_EQUAL = 512
-#: A point this near to an outside cell, in cells, is outside. A point that a bone has stopped is on the face
-#: of a cell, and rounding would decide whether the bone moves over it in the next step.
-ON_A_FACE = 1e-9
-#: Slack of the triangle-box test, in cells: rounding must not open a gap in the boundary.
-_OVERLAP_SLACK = 1e-9
-#: Thinnest side of the grid as a part of the box's diagonal: the box of a flat surface has no volume.
-_THINNEST = 1e-6
 #: Voxels of bones, by how these are divided, for all muscles that meet them.
 _GRIDS: WeakKeyDictionary[Bone, dict[tuple[int, int | None], VoxelGrid]] = WeakKeyDictionary()
 
@@ -62,15 +55,15 @@ class VoxelGrid:
 
 @kernel
 def _contains(at: Floats, cells: Cells, within: Bools) -> None:
-    """Write whether positions in cells (n, 3) lie in boundary or inside cells."""
+    """Write whether positions in cells (n, 3) lie in boundary or inside cells, not on a face."""
     a, b, c = cells.shape
     for n in range(len(at)):
         x, y, z = at[n, 0], at[n, 1], at[n, 2]
         within[n] = 0.0 <= x < a and 0.0 <= y < b and 0.0 <= z < c
         if within[n]:
-            for i in (int(x - ON_A_FACE), min(int(x + ON_A_FACE), a - 1)):
-                for j in (int(y - ON_A_FACE), min(int(y + ON_A_FACE), b - 1)):
-                    for k in (int(z - ON_A_FACE), min(int(z + ON_A_FACE), c - 1)):
+            for i in (int(x - ROUNDING), min(int(x + ROUNDING), a - 1)):
+                for j in (int(y - ROUNDING), min(int(y + ROUNDING), b - 1)):
+                    for k in (int(z - ROUNDING), min(int(z + ROUNDING), c - 1)):
                         within[n] = within[n] and cells[i, j, k] >= BOUNDARY
 
 
@@ -96,7 +89,7 @@ def build_voxel_grid(
         warnings.warn(f"{what}: " + "; ".join(surface.remarks), stacklevel=2)
     used = points[np.unique(triangles)]
     low, high = used.min(axis=0), used.max(axis=0)
-    thinnest = _THINNEST * (float(np.linalg.norm(high - low)) or 1.0)
+    thinnest = SAME * (float(np.linalg.norm(high - low)) or 1.0)
     flat = high - low < thinnest
     low, high = np.where(flat, low - thinnest, low), np.where(flat, high + thinnest, high)
     counts = np.full(3, n_equal) if n_equal is not None else _shared_out(high - low, n_max)
@@ -131,10 +124,10 @@ def _mark_boundary(corners: Floats, cells: Cells) -> None:
     edges = np.roll(corners, -1, axis=1) - corners
     products = np.cross(edges[:, :, None], np.eye(3)).reshape(-1, 9, 3)
     axes = np.concatenate([np.cross(edges[:, :1], edges[:, 1:2]), products], axis=1)
-    along, reach = corners @ axes.swapaxes(1, 2), (0.5 + _OVERLAP_SLACK) * np.abs(axes).sum(axis=2)
+    along, reach = corners @ axes.swapaxes(1, 2), (0.5 + ROUNDING) * np.abs(axes).sum(axis=2)
     # What touches the box from within does not make the layer around it a boundary.
-    first = np.maximum(1, np.floor(corners.min(axis=1) - _OVERLAP_SLACK)).astype(np.int64)
-    last = np.floor(corners.max(axis=1) + _OVERLAP_SLACK).astype(np.int64)
+    first = np.maximum(1, np.floor(corners.min(axis=1) - ROUNDING)).astype(np.int64)
+    last = np.floor(corners.max(axis=1) + ROUNDING).astype(np.int64)
     last = np.minimum(last, np.array(cells.shape) - 2)
     _mark(first, last, axes, along.min(axis=1) - reach, along.max(axis=1) + reach, cells)
 
@@ -232,12 +225,12 @@ def resolve_collisions(
     """Move predicted positions out of a bone.
 
     Positions p are changed in place; the moved points, (n,), are returned. Kohout and Cervenka 2021, section
-    3.2. A point with its predicted position in a boundary or inside cell collides (but see
-    :data:`~vtkmuscle.core.pbd.voxels.ON_A_FACE`). If the point's previous position x is outside the bone's
-    present pose (scenario one, the muscle hits the bone), the segment from p to x is followed to the first
-    outside cell: if x is in the outside cell p becomes x, else p becomes the point where the segment enters
-    the cell. If not (scenario two, the bone hits the muscle), p becomes x moved by the bone's step;
-    ``bone_push`` of False then leaves p unchanged (section 4.2, the iliacus).
+    3.2. A point with its predicted position in a boundary or inside cell collides, unless a bone has stopped
+    it on the face of an outside cell, where rounding would decide. If the point's previous position x is
+    outside the bone's present pose (scenario one, the muscle hits the bone), the segment from p to x is
+    followed to the first outside cell: if x is in the outside cell p becomes x, else p becomes the point
+    where the segment enters the cell. If not (scenario two, the bone hits the muscle), p becomes x moved by
+    the bone's step; ``bone_push`` of False then leaves p unchanged (section 4.2, the iliacus).
 
     now, step : (4, 4), of the bone to now, from rest and from the previous frame;  x, p : (n, 3) [mm]; free :
     (n,), points that may be moved.
@@ -298,6 +291,6 @@ def _traverse(cells: Cells, start: Floats, end: Floats, stop: Floats) -> bool:
     # A point on a face is in the cells of both sides.
     at_end = True
     for k in range(3):
-        at_end = at_end and cell[k] - ON_A_FACE <= end[k] <= cell[k] + 1.0 + ON_A_FACE
+        at_end = at_end and cell[k] - ROUNDING <= end[k] <= cell[k] + 1.0 + ROUNDING
         stop[k] = start[k] + t * (end[k] - start[k])
     return at_end

@@ -26,8 +26,10 @@ BESIDE, WINDOW = 12, (1.0, 4.0, 6.0, 4.0, 1.0)
 #: Weights of a cubic B-spline's four nodes (columns), by powers of the place between the middle two (rows).
 CUBIC = np.array([(1, 4, 1, 0), (-3, 0, 3, 0), (3, -6, 3, 0), (-1, 3, -3, 1)]) / 6.0
 #: How much of a turn comes from the bones: it decides where paths do not, as all of them are on a line.
+#: Without it fibres of four muscles of a real hip change by 0.04 to 0.6 mm.
 FROM_BONES = 0.02
-#: Distances below this part of the muscle's thickness are the same.
+#: Distances below this part of the muscle's thickness are the same; with 1e-9 fibres of four muscles of a
+#: real hip change by less than 1e-6 mm.
 LEAST_APART = 1e-3
 
 
