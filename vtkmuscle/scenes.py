@@ -94,11 +94,9 @@ class Scene(SceneData, ByName):
     """
 
     def __post_init__(self) -> None:
-        if isinstance(self.bones, vtkMultiBlockDataSet):
-            object.__setattr__(self, "bones", dict(blocks_of(self.bones)))
-        bones, muscles = checked(self)
-        object.__setattr__(self, "bones", bones)
-        object.__setattr__(self, "muscles", muscles)
+        bones = blocks_of(self.bones) if isinstance(self.bones, vtkMultiBlockDataSet) else self.bones
+        object.__setattr__(self, "bones", dict(bones))
+        object.__setattr__(self, "muscles", checked(self))
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Self:

@@ -8,8 +8,8 @@ from vtkmuscle.core.motion.rigid import frame_at
 from vtkmuscle.joints import grid_of
 from vtkmuscle.joints.functions import IDENTITY
 from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
-from vtkmuscle.opensim import fitted_paths
-from vtkmuscle.opensim.fitted_paths import fit_length, fit_points
+from vtkmuscle.opensim import export_parts
+from vtkmuscle.opensim.export_parts import fit_length, fit_points
 from vtkmuscle.opensim.muscle_paths import Cylinder, PathPoint, PointPath, moment_arm, powers, terms
 
 
@@ -103,7 +103,7 @@ def test_points_that_were_fixed_are_found_again():
 
 
 def test_a_roller_is_found_again(monkeypatch):
-    monkeypatch.setattr(fitted_paths, "PLACES", (0.5,))
+    monkeypatch.setattr(export_parts, "PLACES", (0.5,))
     values = {"hip": np.zeros(8), "knee": np.linspace(-0.5, 0.2, 8)}
     roller = Cylinder("femur", np.array([0.0, -0.4, 0.0]), np.array([0.0, 0.0, 1.0]), 0.04, 0)
     ends = [PathPoint("femur", (0.03, -0.1, 0.0)), PathPoint("tibia", (0.05, -0.1, 0.0))]

@@ -12,7 +12,7 @@ from vtkmuscle.joints import grid_of
 from vtkmuscle.joints.functions import CubicSpline, PiecewiseLinear, Polynomial
 from vtkmuscle.joints.tree import JointAxis
 from vtkmuscle.opensim import MuscleOut, enriched, osim_of, read_osim
-from vtkmuscle.opensim.fitted_paths import fit_length
+from vtkmuscle.opensim.export_parts import fit_length
 from vtkmuscle.opensim.muscle_paths import PathPoint, PointPath, moment_arm
 
 needs_opensim = pytest.mark.skipif(

@@ -207,8 +207,7 @@ def with_tendon(
     inward /= np.linalg.norm(inward)
     thinnest = float(belly.spacing.max())
     depth = -float(belly.at(tip[None] + THICKEST * scale * inward)[0][0])
-    thickest = max(thinnest, THICKEST * scale)
-    radius = float(np.clip(depth, thinnest, thickest))
+    radius = max(thinnest, min(depth, THICKEST * scale))
     line = taut_line(tip, target, bones, radius)
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     tube = np.vstack([tip + radius * inward, line])
@@ -290,11 +289,11 @@ def draft_of_labels(
 def _faults(draft: Draft, name: str, kind: str, surface: vtkPolyData) -> str:
     """Note the faults of a label; return a refusal's reason."""
     reason = field_string(surface, "Refused")
-    if reason is not None and kind == "muscles":
-        draft.leave_out(name, reason)
-    elif reason is not None:
-        draft.guess(f"{kind}.{name}", LEFT_OUT, 0.0, reason)
     if reason is not None:
+        if kind == "muscles":
+            draft.leave_out(name, reason)
+        else:
+            draft.guess(f"{kind}.{name}", LEFT_OUT, 0.0, reason)
         return f"left out: {reason}"
     shares = (field_array(surface, key) for key in ("LeftOut", "Cut", "Pieces"))
     left_out, cut, pieces = (float(share[0]) for share in shares if share is not None)

@@ -8,7 +8,6 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
-from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,7 @@ from vtkmuscle.data.anatomy import ANATOMY, plain_name
 from vtkmuscle.data.label_images import MOST, label_image
 from vtkmuscle.io.csv_table import csv_rows
 from vtkmuscle.io.landmarks import FRAMES
+from vtkmuscle.run.table import optional_package
 
 #: Endings of supported files.
 SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
@@ -80,7 +80,7 @@ def _read(file: Path) -> Iterator[Layer]:
     if file.suffix.lower() == ".dcm":
         yield _dicom(file)
         return
-    itk = _needed("SimpleITK", file)
+    itk = optional_package("SimpleITK", "a label map", file=file)
     reader = itk.ImageFileReader()
     reader.SetFileName(str(file))
     with _foreign(file, "it cannot be read as an image"):
@@ -171,7 +171,7 @@ def _names(file: Path, image: Any) -> dict[int, dict[int, str]]:
 
 def _dicom(file: Path) -> Layer:
     """Return the segments of a DICOM Segmentation; later segments overwrite earlier."""
-    highdicom = _needed("highdicom", file)
+    highdicom = optional_package("highdicom", "a DICOM Segmentation", file=file)
     check_is_file(file)
     with _foreign(file, "not a DICOM Segmentation"):
         segmentation = highdicom.seg.segread(file)
@@ -181,14 +181,6 @@ def _dicom(file: Path) -> Layer:
     # highdicom's axes are planes, rows and columns, from voxel numbers in that order to LPS.
     transform = np.array(volume.affine, dtype=np.float64)[:, [2, 1, 0, 3]]
     return np.ascontiguousarray(volume.array), transform, names
-
-
-def _needed(package: str, file: Path) -> Any:
-    try:
-        return import_module(package)
-    except ImportError as error:
-        remedy = "install the readers, in the folder of vtkmuscle: python -m pip install '.[labels]'"
-        raise InputError(file, f"label maps need {package}, which is not installed", remedy) from error
 
 
 _WORDS = (ANATOMY["bone_words"], ANATOMY["other_words"])

@@ -19,9 +19,8 @@ from vtkmuscle.io.writing import write_text
 from vtkmuscle.io.xml_elements import xml_text
 from vtkmuscle.joints.osim import FURTHER, NOT_USED, OFFSET
 from vtkmuscle.joints.tree import HALF_STEP, JointCoordinate
+from vtkmuscle.opensim.mjcf import MujocoModel, read_mjcf
 from vtkmuscle.opensim.model import OsimModel, read_osim
-from vtkmuscle.opensim.mujoco_model import MujocoModel, read_mjcf
-from vtkmuscle.opensim.muscle_paths import Posed
 from vtkmuscle.opensim.osim_text import model_tree
 from vtkmuscle.report.page import Section, shown_rows, svg_curve, write_sections
 from vtkmuscle.run.table import Table
@@ -151,15 +150,13 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
     """
     model = read_mjcf(path) if Path(path).suffix.lower() == ".xml" else read_osim(path)
     winding = [name for name, each in model.paths.items() if getattr(each.path, "wraps", ())]
-    own, by_opensim = _own(model), None
     if isinstance(model, MujocoModel):
-        own, winding = model.lengths, []
-    elif winding:
-        by_opensim = _opensim_lengths(Path(path), model, winding)
+        winding = []
+    by_opensim = _opensim_lengths(Path(path), model, winding) if winding else None
     swept = {each.name for each in model.tree.coordinates if each.range and each.range[0] < each.range[1]}
     crossed = {name: set(each.path.coordinates(model.tree)) for name, each in model.paths.items()}
     unswept = set().union(*crossed.values()) - swept
-    findings = list(_findings(model, [name for name in crossed if name not in winding], own))
+    findings = list(_findings(model, [name for name in crossed if name not in winding], model.lengths))
     if by_opensim is not None:
         findings += _findings(model, winding, by_opensim)
     findings.sort(key=_worst_first)
@@ -241,8 +238,7 @@ def _faults(
     arms, middles = -steps / step, (values[1:] + values[:-1]) / 2.0
 
     def arm(sweeps: Ints, at: Floats) -> Floats:
-        result: Floats = (length(sweeps, at - HALF_STEP) - length(sweeps, at + HALF_STEP)) / (2.0 * HALF_STEP)
-        return result
+        return (length(sweeps, at - HALF_STEP) - length(sweeps, at + HALF_STEP)) / (2.0 * HALF_STEP)
 
     # A step larger than both neighbouring steps may contain a jump, and so may a change of slope.
     bends = np.abs(np.diff(steps, axis=1))
@@ -314,18 +310,6 @@ def _halved(
     return np.abs(last - first), (low + high) / 2.0
 
 
-def _own(model: OsimModel) -> Lengths:
-    """Return the function that computes lengths here."""
-
-    def lengths(muscles: Sequence[str], values: Mapping[str, Floats]) -> dict[str, Floats]:
-        paths = {name: model.paths[name].path for name in muscles}
-        points = [point for path in paths.values() for point in getattr(path, "points", ())]
-        at = Posed.of(model.tree, values, {point.body for point in points})
-        return {name: path.lengths_at(at) for name, path in paths.items()}
-
-    return lengths
-
-
 def _opensim_lengths(path: Path, model: OsimModel, names: Sequence[str]) -> Lengths | None:
     """Return the function that gets lengths of paths from OpenSim, None without OpenSim.
 
@@ -351,11 +335,9 @@ def _opensim_lengths(path: Path, model: OsimModel, names: Sequence[str]) -> Leng
         except RuntimeError as error:
             problem = f"OpenSim does not read the model: {error}"
             raise InputError(path, problem, "correct the model") from error
-    coordinates, paths = theirs.updCoordinateSet(), {}
-    for component in theirs.getComponentsList():
-        geometry = opensim.AbstractGeometryPath.safeDownCast(component)
-        if geometry is not None:
-            paths[geometry.getOwner().getName()] = geometry
+    coordinates = theirs.updCoordinateSet()
+    geometries = map(opensim.AbstractGeometryPath.safeDownCast, theirs.getComponentsList())
+    paths = {each.getOwner().getName(): each for each in geometries if each is not None}
     for coordinate in model.tree.coordinates:
         coordinates.get(coordinate.name).setLocked(state, False)
 

@@ -25,8 +25,7 @@ from vtkmuscle.io import write_text
 from vtkmuscle.io.writing import Outputs, file_digest, write_with
 from vtkmuscle.joints.tree import KinematicTree
 from vtkmuscle.opensim import export_parts as parts
-from vtkmuscle.opensim.export_parts import ExportedMuscle
-from vtkmuscle.opensim.fitted_paths import PARTS, fit_length, fit_points, rms
+from vtkmuscle.opensim.export_parts import PARTS, ExportedMuscle, fit_length, fit_points, rms
 from vtkmuscle.opensim.mjcf import mjcf_of
 from vtkmuscle.opensim.model import checked_model
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PointPath, moment_arm

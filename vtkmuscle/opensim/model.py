@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.xml_elements import Element, last_part, of_kind, read_xml
 from vtkmuscle.joints import osim
 from vtkmuscle.joints.functions import OSIM, function_in
 from vtkmuscle.joints.osim import MotionFile, read_motion_file
 from vtkmuscle.joints.tree import KinematicTree
-from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, powers
+from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, Posed, powers
 
 __all__ = ["MotionFile", "OsimModel", "checked_model", "read_motion_file", "read_osim"]
 _FORCES = OSIM["forces"]
@@ -55,6 +56,13 @@ class OsimModel:
     def paths(self) -> dict[str, OsimMuscle]:
         """Muscles and ligaments by name."""
         return self.muscles | self.ligaments
+
+    def lengths(self, names: Sequence[str], values: Mapping[str, Floats]) -> dict[str, Floats]:
+        """Return the lengths (f,) of paths by name, for values (f,) of coordinates."""
+        paths = {name: self.paths[name].path for name in names}
+        points = [point for path in paths.values() for point in getattr(path, "points", ())]
+        at = Posed.of(self.tree, values, {point.body for point in points})
+        return {name: path.lengths_at(at) for name, path in paths.items()}
 
     def muscle(self, name: str) -> OsimMuscle:
         """Return a muscle by name; ValueError for an unknown name."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -67,11 +66,9 @@ class Section:
     pictures: Sequence[tuple[str, str]] = ()
 
 
-def write_sections(path: Path, name: str, kind: str, lead: str, sections: Sequence[Section]) -> Path:
-    """Write a page of a kind, and return it."""
-    facts = {"name": name, "kind": kind, "lead": lead, "sections": sections}
-    write_text(path, rendered("sections.html", **facts))
-    return path
+def write_sections(path: Path, name: str, kind: str, lead: str, sections: Sequence[Section]) -> None:
+    """Write a page of a kind."""
+    write_text(path, rendered("sections.html", name=name, kind=kind, lead=lead, sections=sections))
 
 
 def part(name: str) -> Markup:
@@ -165,11 +162,10 @@ def not_checked_of(report: Mapping[str, Any]) -> list[tuple[str, str, str]]:
 
 def settings_of(report: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
     """Return the parameters of muscles, grouped by equal parameters."""
-    groups: dict[str, list[str]] = {}
+    groups: dict[tuple[tuple[str, str], ...], list[str]] = {}
     for name, muscle in report["muscles"].items():
-        parameters = json.dumps(muscle.get("parameters", {}), sort_keys=True, default=str)
-        groups.setdefault(parameters, []).append(label_of(name))
-    return [(", ".join(names), list(_flat(json.loads(text)))) for text, names in groups.items()]
+        groups.setdefault(tuple(sorted(_flat(muscle.get("parameters", {})))), []).append(label_of(name))
+    return [(", ".join(names), list(parameters)) for parameters, names in groups.items()]
 
 
 def _flat(values: Mapping[str, Any], before: str = "") -> Iterable[tuple[str, str]]:

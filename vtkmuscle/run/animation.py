@@ -41,7 +41,25 @@ def write_usd(result: ResultData, path: Path, *, tubes: bool) -> None:
     check_format(path)
     with TemporaryDirectory() as folder, replacing(path) as new:
         drawn = Path(folder) / f"animation{path.suffix.lower()}"  # USD goes by the suffix
-        _draw(result, drawn, tubes)
+        stage = _Stage(drawn, result.name, MILLIMETRES[result.units] / 1000.0, len(result.frames))
+        for name, bone in arrays.blocks_of(result.rest_bones()):
+            mesh = stage.mesh("bones", name, [(points_of(bone), triangles_of(bone, name))])
+            stage.paint(mesh, IVORY)
+            stage.move(mesh, [result.motion.at(time).get(name, np.eye(4)) for time in result.times])
+        for name in result.muscle_names:
+            track = result.track(name)
+            if track.surfaces:
+                triangles = triangles_of(track.rest, name)
+                moving = ((points_of(surface), triangles) for surface in track.surfaces)
+                stage.paint(stage.mesh("muscles", name, moving), MUSCLE_RED)
+            if track.fibres and track.rest_fibres is not None:
+                lines = [polylines_of(fibres, name) for fibres in track.fibres]
+                rest = polylines_of(track.rest_fibres, name).lengths
+                strains, limit = strains_of(rest, [each.lengths for each in lines])
+                colours = [strain_colours(strain, limit) / 255.0 for strain in strains]
+                draw = stage.tubes if tubes else stage.curves
+                draw(name, lines, colours, WIDTH * float(rest.mean()))
+        stage.save()
         shutil.copyfile(drawn, new)
 
 
@@ -50,28 +68,6 @@ def check_format(path: Path) -> None:
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(str(path), "an animation is a file of USD", f"end its name in {', '.join(SUFFIXES)}")
     optional_package("pxr.Usd", "USD", "usd-core")
-
-
-def _draw(result: ResultData, path: Path, tubes: bool) -> None:
-    stage = _Stage(path, result.name, MILLIMETRES[result.units] / 1000.0, len(result.frames))
-    for name, bone in arrays.blocks_of(result.rest_bones()):
-        mesh = stage.mesh("bones", name, [(points_of(bone), triangles_of(bone, name))])
-        stage.paint(mesh, IVORY)
-        stage.move(mesh, [result.motion.at(time).get(name, np.eye(4)) for time in result.times])
-    for name in result.muscle_names:
-        track = result.track(name)
-        if track.surfaces:
-            triangles = triangles_of(track.rest, name)
-            moving = ((points_of(surface), triangles) for surface in track.surfaces)
-            stage.paint(stage.mesh("muscles", name, moving), MUSCLE_RED)
-        if track.fibres and track.rest_fibres is not None:
-            lines = [polylines_of(fibres, name) for fibres in track.fibres]
-            rest = polylines_of(track.rest_fibres, name).lengths
-            strains, limit = strains_of(rest, [each.lengths for each in lines])
-            colours = [strain_colours(strain, limit) / 255.0 for strain in strains]
-            draw = stage.tubes if tubes else stage.curves
-            draw(name, lines, colours, WIDTH * float(rest.mean()))
-    stage.save()
 
 
 class _Stage:

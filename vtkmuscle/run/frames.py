@@ -101,7 +101,7 @@ def frame_numbers(frames: FrameChoice, count: int) -> range:
     range(40, 46)
     """
     allowed = f"give A:B with 0 <= A < B <= {count} (B is not included), or one frame, 0 to {count - 1}"
-    wanted = frames
+    wanted = slice(None) if frames is None else frames
     if isinstance(wanted, str):
         parts = wanted.split(":")
         try:
@@ -109,8 +109,6 @@ def frame_numbers(frames: FrameChoice, count: int) -> range:
             wanted = slice(*bounds) if len(parts) > 1 else int(parts[0])
         except (ValueError, TypeError):
             raise InputError("", f"frames {frames!r} cannot be understood", allowed) from None
-    if wanted is None:
-        return range(count)
     if isinstance(wanted, slice) and wanted.step is not None and wanted.step <= 0:
         raise InputError("", f"frames {frames!r} must ascend", allowed)
     if isinstance(wanted, slice):

@@ -368,7 +368,7 @@ def _listed(values: Sequence[float]) -> str:
 
 def time_label(motion: RigidMotion) -> str:
     """Return the label of a motion's times. A coordinate with its unit where they are one, else "time"."""
-    for name, one in motion.coordinates.items():
-        if np.array_equal(one.values, motion.times):
-            return label_of(name, one.unit)
-    return "time"
+    axes = motion.coordinates.items()
+    return next(
+        (label_of(q, own.unit) for q, own in axes if np.array_equal(own.values, motion.times)), "time"
+    )

@@ -212,16 +212,18 @@ class MomentArmTable(dict[str, dict[str, JointArms]]):
                 yield {"muscle": muscle, "coordinate": name, "unit": one.unit, "value": one.values}, one
 
 
-def optional_package(name: str, use: str, brought_by: str = "") -> Any:
+def optional_package(name: str, use: str, brought_by: str = "", file: Path | None = None) -> Any:
     """Return a module that is not installed with this package; ImportError where it is missing.
 
-    ``brought_by`` is the package of a module of another name.
+    ``brought_by`` is the package of a module of another name. With a ``file`` the error is an InputError.
     """
     try:
         return import_module(name)
     except ImportError as error:
-        package = brought_by or name
-        raise ImportError(f"{use} needs {package}: python -m pip install {package}") from error
+        problem, remedy = f"{use} needs {brought_by or name}", f"python -m pip install {brought_by or name}"
+        if file is not None:
+            raise InputError(file, problem, remedy) from error
+        raise ImportError(f"{problem}: {remedy}") from error
 
 
 def error_sizes(errors: Mapping[str, Floats]) -> dict[str, float | None]:

@@ -29,10 +29,10 @@ _LARGEST = float(np.finfo(np.float32).max)
 MOST_REPAIRED = 0.01
 
 
-def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]]:
-    """Return a scene's checked bones and muscles, muscles facing outward. SceneError for all faults."""
+def checked(scene: SceneData) -> dict[str, Muscle]:
+    """Return the muscles of a checked scene, facing outward. SceneError for all faults."""
     validated(tables_of(scene), scene.files.get(""))
-    faults, muscles = Faults(), {}
+    faults, muscles = Faults(), dict[str, Muscle]()
     again = "correct the points, or export the surface again"
 
     def at(key: str, remedy: str = "") -> AbstractContextManager[None]:
@@ -62,7 +62,7 @@ def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]
                     lines = checked_superficial(muscle.superficial_fibres, "")
                     _check_distance("the fibres are", lines.points, points_of(surface), scene.units)
     faults.raise_any()
-    return dict(scene.bones), muscles
+    return muscles
 
 
 def _arrays(surface: vtkPolyData) -> tuple[Floats, Ints]:

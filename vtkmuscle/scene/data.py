@@ -17,16 +17,9 @@ from vtkmuscle.core.motion.coordinates import MILLIMETRES
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.core.words import quoted
+from vtkmuscle.data import attachments as attached
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import checked_surface, multiblock_from
-from vtkmuscle.data.attachments import (
-    Aponeurosis,
-    AttachmentArea,
-    aponeuroses_data,
-    aponeuroses_of,
-    attachments_from,
-    attachments_of,
-)
 from vtkmuscle.io.literature import LiteratureCurve
 
 
@@ -61,7 +54,7 @@ class Muscle:
     """
 
     surface: vtkPolyData
-    attachments: tuple[AttachmentArea, ...] = ()
+    attachments: tuple[attached.AttachmentArea, ...] = ()
     fibres: Mapping[str, Any] | None = None
     solver: Mapping[str, Any] = field(default_factory=dict)
     fixing: Mapping[str, Any] = field(default_factory=dict)
@@ -69,7 +62,7 @@ class Muscle:
     literature: tuple[LiteratureCurve, ...] = ()
     crosses: tuple[str, ...] | None = None
     hill: Mapping[str, float] = field(default_factory=dict)
-    aponeuroses: tuple[Aponeurosis, ...] = ()
+    aponeuroses: tuple[attached.Aponeurosis, ...] = ()
     muscle: str = ""
 
     def __post_init__(self) -> None:
@@ -79,12 +72,12 @@ class Muscle:
             raise TypeError(f"Muscle takes a surface, but got {quoted(surface)}; {hint}")
         areas: Any = self.attachments
         if isinstance(areas, vtkMultiBlockDataSet):
-            areas = attachments_of(areas, "attachments")
-        areas = [AttachmentArea(*area) if isinstance(area, tuple) else area for area in areas]
+            areas = attached.attachments_of(areas, "attachments")
+        areas = [attached.AttachmentArea(*area) if isinstance(area, tuple) else area for area in areas]
         object.__setattr__(self, "attachments", tuple(areas))
         sheets: Any = self.aponeuroses
         if isinstance(sheets, vtkMultiBlockDataSet):
-            sheets = aponeuroses_of(sheets, "aponeuroses")
+            sheets = attached.aponeuroses_of(sheets, "aponeuroses")
         object.__setattr__(self, "aponeuroses", tuple(sheets))
 
     def __repr__(self) -> str:
@@ -132,12 +125,12 @@ class SceneData:
     def attachments_data(self, muscle: str) -> vtkMultiBlockDataSet | None:
         """Return a muscle's attachments as a data set, None without any."""
         areas = self.muscles[muscle].attachments
-        return attachments_from(areas) if areas else None
+        return attached.attachments_from(areas) if areas else None
 
     def aponeuroses_data(self, muscle: str) -> vtkMultiBlockDataSet | None:
         """Return a muscle's aponeuroses as a data set, None without any."""
         sheets = self.muscles[muscle].aponeuroses
-        return aponeuroses_data(sheets) if sheets else None
+        return attached.aponeuroses_data(sheets) if sheets else None
 
 
 class RestSurface(NamedTuple):
@@ -290,8 +283,7 @@ class SceneFiles:
 
     def tried(self, key: str, text: str | None, reader: Callable[[Path], T]) -> T | None:
         """Read as :meth:`read`, if there is a text. Gather the fault of an unreadable file."""
-        content = None
         if text is not None:
             with self.faults.gathered():
-                content = self.read(key, text, reader)
-        return content
+                return self.read(key, text, reader)
+        return None

@@ -13,13 +13,13 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    GetPydanticSchema,
     PlainValidator,
     PositiveFloat,
     WrapValidator,
     create_model,
     model_validator,
 )
-from pydantic_core import CoreSchema
 from pydantic_core.core_schema import literal_schema
 
 from vtkmuscle.core.errors import InputError
@@ -118,14 +118,9 @@ def _direction(axis: list[float]) -> list[float]:
     return axis
 
 
-class OneOf:
-    """A text limited to some words."""
-
-    def __init__(self, words: Iterable[str]) -> None:
-        self.words = list(words)
-
-    def __get_pydantic_core_schema__(self, *_: Any) -> CoreSchema:
-        return literal_schema(self.words)
+def one_of(words: Iterable[str]) -> GetPydanticSchema:
+    """Return the schema of a text limited to some words."""
+    return GetPydanticSchema(lambda *_: literal_schema(list(words)))
 
 
 Text = Annotated[str, Field(min_length=1)]
@@ -194,7 +189,7 @@ class JointTable(SchemaTable):
 
     parent: Text
     child: Text
-    type: Annotated[str, OneOf(JOINT_KINDS)]
+    type: Annotated[str, one_of(JOINT_KINDS)]
     centre: Triple | None = None
     axis: Direction | None = None
     axes: Annotated[list[Direction], Field(min_length=3, max_length=3)] | None = None
@@ -275,7 +270,7 @@ class BoneTable(SchemaTable):
 class ColumnTable(SchemaTable):
     """A column of a table of transforms that is a joint coordinate."""
 
-    unit: Annotated[str, OneOf((*ANGLES, *MILLIMETRES))] = "deg"
+    unit: Annotated[str, one_of((*ANGLES, *MILLIMETRES))] = "deg"
     positive: Text | None = None
 
 
@@ -306,7 +301,7 @@ class Motion(SchemaTable):
 class Area(SchemaTable):
     """An attachment area of a muscle, or a via ring."""
 
-    role: Annotated[str, OneOf((*ROLES, VIA))]
+    role: Annotated[str, one_of((*ROLES, VIA))]
     bone: Text
     landmarks: Text
     closed: bool | None = None
@@ -349,17 +344,17 @@ class SceneTable(SchemaTable):
     """A scene for vtkmuscle: bones, muscles and a motion."""
 
     name: Name | None = None
-    units: Annotated[str, OneOf(MILLIMETRES)] = "mm"
-    deformer: Annotated[str, OneOf(DEFORMERS)] = "paths"
-    quality: Annotated[str, OneOf(QUALITIES)] | None = None
-    muscle_contact: Annotated[str, OneOf(("off", "on", "measure"))] = "off"
+    units: Annotated[str, one_of(MILLIMETRES)] = "mm"
+    deformer: Annotated[str, one_of(DEFORMERS)] = "paths"
+    quality: Annotated[str, one_of(QUALITIES)] | None = None
+    muscle_contact: Annotated[str, one_of(("off", "on", "measure"))] = "off"
     bones: dict[Name, BoneTable]
     motion: Motion
     joints: dict[str, JointTable] = Field(default_factory=dict)
     opensim: OpenSimTable | None = None
-    frame: Annotated[str, OneOf(FRAMES)] = "LPS"
+    frame: Annotated[str, one_of(FRAMES)] = "LPS"
     guessed: dict[str, _Confidence] = Field(default_factory=dict)
-    mirror: Annotated[str, OneOf("xyz")] | None = None
+    mirror: Annotated[str, one_of("xyz")] | None = None
     muscles: dict[Name, MuscleTable]
     paths: Paths | None = None
     solver: Solver = Field(default_factory=Solver)

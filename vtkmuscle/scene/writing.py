@@ -69,8 +69,7 @@ def tables_of(scene: SceneData) -> dict[str, Any]:
         "solver": scene.solver or None,
         "fixing": scene.fixing or None,
     }
-    plain: dict[str, Any] = _plain(tables)
-    return plain
+    return {key: _plain(value) for key, value in tables.items() if value is not None}
 
 
 def inline_toml(value: Any) -> str:
