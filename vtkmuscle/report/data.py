@@ -60,14 +60,13 @@ class Pack:
         differences[1:] -= whole[:-1]
         differences[2:] -= whole[1:-1] - whole[:-2]
         folded = ((differences << 1) ^ (differences >> 31)).astype(np.uint32)
-        low_bytes, high_bytes = (folded & 255).astype(np.uint8), (folded >> 8).astype(np.uint16)
         return {
             "frames": len(frames),
             "points": int(frames.shape[1]),
             "origin": [float(value) for value in low],
             "step": step,
-            "low": self.add(low_bytes, "u8"),
-            "high": self.add(high_bytes, "u16"),
+            "low": self.add(folded & 255, "u8"),
+            "high": self.add(folded >> 8, "u16"),
         }
 
     def text(self) -> str:

@@ -143,9 +143,8 @@ class SceneJoints:
                 low, high = (moved({**own, name: own[name] + step}) for step in (-HALF_STEP, HALF_STEP))
                 step = 2.0 * HALF_STEP * (1.0 if kind.is_angle else MILLIMETRES[kind.unit])
                 twists = {bone: screws(high[bone] @ inverses(low[bone])) / step for bone in self.bodies}
-            if kind.is_angle:
-                return Coordinate(np.degrees(full[name]), "deg", kind.positive, twists)
-            return Coordinate(full[name], kind.unit, kind.positive, twists)
+            own_values, unit = (np.degrees(full[name]), "deg") if kind.is_angle else (full[name], kind.unit)
+            return Coordinate(own_values, unit, kind.positive, twists)
 
         negligible = 1e-12 * max(1.0, float(np.abs(placed[:3, 3]).max()))
         poses = moved(full).items()

@@ -10,6 +10,7 @@ from typing import Any
 import tomli_w
 
 from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.data.attachments import SIDES, VIA, AttachmentArea, aponeuroses_data
 from vtkmuscle.io import write_literature, write_motion_table, write_polydata, write_text
 from vtkmuscle.io.writing import Outputs, write_json
@@ -32,10 +33,8 @@ def write_scene(scene: SceneData, folder: Path) -> Path:
             write_polydata(folder / f"superficial_fibres/{name}.vtp", muscle.superficial_fibres)
         if muscle.literature:
             write_literature(folder / f"literature/{name}.csv", muscle.literature)
-        if muscle.aponeuroses:
-            sheets = aponeuroses_data(muscle.aponeuroses)
-            for number in range(len(muscle.aponeuroses)):
-                write_polydata(folder / _aponeurosis_file(name, number, muscle), sheets.GetBlock(number))
+        for block, sheet in blocks_of(aponeuroses_data(muscle.aponeuroses)):  # named SIDE_NUMBER
+            write_polydata(folder / f"aponeuroses/{name}_{block}.vtp", sheet)
         write_areas(folder, name, muscle.attachments, scene.frame)
     for bone in scene.motion.transforms:
         write_motion_table(folder / _motion_file(scene.motion, bone), scene.motion, bone)
@@ -110,7 +109,7 @@ def _area_tables(muscle: str, areas: Sequence[AttachmentArea]) -> list[dict[str,
 def _muscle(name: str, muscle: Muscle) -> dict[str, Any]:
     sheets: dict[str, list[str]] = {side: [] for side in SIDES} if muscle.aponeuroses else {}
     for number, sheet in enumerate(muscle.aponeuroses):
-        sheets[sheet.side].append(_aponeurosis_file(name, number, muscle))
+        sheets[sheet.side].append(f"aponeuroses/{name}_{sheet.side}_{number}.vtp")
     return {
         "surface": f"muscles/{name}.vtp",
         "superficial_fibres": muscle.superficial_fibres and f"superficial_fibres/{name}.vtp",
@@ -135,10 +134,6 @@ def _motion(motion: RigidMotion) -> dict[str, Any]:
     axes = motion.coordinates.items()
     tables = {name: {"unit": own.unit, "positive": own.positive or None} for name, own in axes} or None
     return {"bone": bone, "transforms": files, "time": "time", "centre": centre, "coordinates": tables}
-
-
-def _aponeurosis_file(name: str, number: int, muscle: Muscle) -> str:
-    return f"aponeuroses/{name}_{muscle.aponeuroses[number].side}_{number}.vtp"
 
 
 def _motion_file(motion: RigidMotion, bone: str) -> str:
