@@ -194,9 +194,8 @@ def function_element(function: CoordinateFunction, **attributes: str) -> Element
             kind = "LinearFunction" if len(coefficients) == 2 else "PolynomialFunction"
             return made(kind, made("coefficients", coefficients), **attributes)
         case Wave():
-            return made(
-                "Sine", *(made(name, getattr(function, name)) for name in _PARTS["Sine"]), **attributes
-            )
+            parts = (made(name, getattr(function, name)) for name in _PARTS["Sine"])
+            return made("Sine", *parts, **attributes)
         case Knots(x, y):
             kind = "SimmSpline" if isinstance(function, CubicSpline) else "PiecewiseLinearFunction"
             return made(kind, made("x", x), made("y", y), **attributes)

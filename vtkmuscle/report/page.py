@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -162,10 +163,11 @@ def not_checked_of(report: Mapping[str, Any]) -> list[tuple[str, str, str]]:
 
 def settings_of(report: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
     """Return the parameters of muscles, grouped by equal parameters."""
-    groups: dict[tuple[tuple[str, str], ...], list[str]] = {}
+    groups: dict[str, list[str]] = {}
     for name, muscle in report["muscles"].items():
-        groups.setdefault(tuple(sorted(_flat(muscle.get("parameters", {})))), []).append(label_of(name))
-    return [(", ".join(names), list(parameters)) for parameters, names in groups.items()]
+        parameters = json.dumps(muscle.get("parameters", {}), sort_keys=True, default=str)
+        groups.setdefault(parameters, []).append(label_of(name))
+    return [(", ".join(names), list(_flat(json.loads(text)))) for text, names in groups.items()]
 
 
 def _flat(values: Mapping[str, Any], before: str = "") -> Iterable[tuple[str, str]]:
