@@ -233,8 +233,7 @@ class Scene(SceneData, ByName):
             if name not in self.muscles:
                 remedy = suggestion(name, self.muscles)
                 raise SceneError(f"the scene has no muscle {name!r}", "muscles", remedy, self.files.get(""))
-        kept = {name: muscle for name, muscle in self.muscles.items() if name in names}
-        return replace(self, muscles=kept)
+        return replace(self, muscles={name: muscle for name, muscle in self.muscles.items() if name in names})
 
     def with_settings(self, **settings: Any) -> Self:
         """Return the scene with changed settings.

@@ -309,6 +309,5 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
             gap = float(np.linalg.norm(points[-1] - points[0]) / max(float(np.median(steps)), 1e-9))
             closed = gap <= RING_GAP or role == VIA
             why = f"{role}: the last landmark is {gap:.1f} median steps from the first"
-            shape = "a ring" if closed else "an open curve"
-            draft.guess(key, shape, min(1.0, abs(gap - RING_GAP)), why)
+            draft.guess(key, "a ring" if closed else "an open curve", min(1.0, abs(gap - RING_GAP)), why)
         draft.areas.setdefault(muscle, []).append(AttachmentArea(role, bone, points, closed, False, sure))

@@ -198,8 +198,7 @@ def _parent(kind: JointKind, child: str, bones: Mapping[str, vtkPolyData]) -> st
         return None
     sides = {"left", "right", None} if side_of(child) is None else {side_of(child), None}
     near = [bone for bone in bones if bone != child and side_of(bone) in sides]
-    named = (bone for word in kind.parents for bone in near if word in stem_of(bone).split("_"))
-    return next(named, None)
+    return next((bone for word in kind.parents for bone in near if word in stem_of(bone).split("_")), None)
 
 
 def _fit(kind: JointKind, child: vtkPolyData, parent: vtkPolyData, depth: float) -> JointFit:
@@ -209,8 +208,7 @@ def _fit(kind: JointKind, child: vtkPolyData, parent: vtkPolyData, depth: float)
     areas = np.bincount(triangles.ravel(), np.repeat(areas, 3), len(points)).astype(np.float64)
     distances = solids_of(*checked_surface(facing, "bone")).distances(points)
     fitted = fitted_ball if kind.form == "ball" else fitted_hinge
-    facing_points = distances < distances.min() + depth
-    return fitted(points, vertex_normals(points, triangles), areas, facing_points)
+    return fitted(points, vertex_normals(points, triangles), areas, distances < distances.min() + depth)
 
 
 def _axes(kind: JointKind, fit: JointFit, side: str | None, frame: str) -> dict[str, Any]:

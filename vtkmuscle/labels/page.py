@@ -127,8 +127,7 @@ def from_labels(
     table = Path(names or "")
     inputs = [Path(label_map), *given, *([table] if table.is_file() else [])]
     outputs = Outputs.for_file(folder / "scene.toml", inputs, overwrite=overwrite)
-    draft = draft_of_labels(label_map, landmarks=given, names=names, **options)
-    return _written(draft, outputs, folder)
+    return _written(draft_of_labels(label_map, landmarks=given, names=names, **options), outputs, folder)
 
 
 def _written(draft: Draft, outputs: Outputs, folder: Path) -> Draft:
@@ -319,8 +318,7 @@ def _draw_tendons(draft: Draft, muscle: str, label: Label, edge: float) -> None:
         distance, outward = bones[area.bone].exact(middle[None])
         target = middle - distance[0] * outward[0]
         solids, field = [*bones.values()], label.field(SMOOTHING)
-        made = with_tendon(field, surface, target, solids, edge, draft.scale)
-        draft.muscles[muscle], length, radius = made
+        draft.muscles[muscle], length, radius = with_tendon(field, surface, target, solids, edge, draft.scale)
         axes = np.linalg.svd(outward)[2][1:]
         angles = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
         ring = target + radius * (np.column_stack([np.cos(angles), np.sin(angles)]) @ axes)

@@ -85,8 +85,7 @@ def _read(file: Path) -> Iterator[Layer]:
     reader.SetFileName(str(file))
     with _foreign(file, "it cannot be read as an image"):
         reader.ReadImageInformation()
-    kind = itk.GetPixelIDValueAsString(reader.GetPixelID())
-    bits = re.search(r"(\d+)-bit", kind)
+    bits = re.search(r"(\d+)-bit", itk.GetPixelIDValueAsString(reader.GetPixelID()))
     voxel = reader.GetNumberOfComponents() * (int(bits[1]) // 8 if bits else 1)
     _check_size(file, voxel * math.prod(reader.GetSize()))
     with _foreign(file, "it cannot be read as an image"):

@@ -237,8 +237,7 @@ def _beginnings(line: Floats, body: str, after: int) -> Iterator[Cylinder]:
         bow = top - line[0] - ((top - line[0]) @ chord) * chord
         height = np.linalg.norm(bow)
         if height > 0.0:
-            axis = np.cross(chord, bow / height)
-            yield Cylinder(body, top - RADIUS * bow / height, axis, RADIUS, after)
+            yield Cylinder(body, top - RADIUS * bow / height, np.cross(chord, bow / height), RADIUS, after)
 
 
 def _between(tree: KinematicTree, ends: Sequence[str]) -> list[str]:

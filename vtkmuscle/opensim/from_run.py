@@ -343,8 +343,7 @@ def _lines(run: _Run, name: str) -> Floats:
     """Return the fibre paths (f, n, p, 3) in the root's frame [m]."""
     tree, joints, (measured, values) = run.tree, run.joints, run.poses[name]
     rest, now = tree.poses({}), tree.poses(values)
-    hold = rest[joints.fixed] @ inverses(now[joints.fixed])
-    to_root = inverses(hold) @ rest[joints.frame]
+    to_root = inverses(rest[joints.fixed] @ inverses(now[joints.fixed])) @ rest[joints.frame]
     points = np.array([run.metres * measured.paths(name, frame=each).points for each in measured.frames])
     turns, shifts = to_root[:, None, :3, :3], to_root[:, None, None, :3, 3]
     return np.asarray(points @ turns.swapaxes(2, 3) + shifts)

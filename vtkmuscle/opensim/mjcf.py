@@ -354,8 +354,7 @@ def _hill(mujoco: Any, model: Any, number: int) -> dict[str, float]:
     """Return the properties of a muscle from its ranges of lengths; none for another actuator."""
     shortest, longest = model.actuator_lengthrange[number]
     least, most, force = model.actuator_gainprm[number, :3]
-    muscle = model.actuator_gaintype[number] == mujoco.mjtGain.mjGAIN_MUSCLE
-    if not (muscle and most > least):
+    if not (model.actuator_gaintype[number] == mujoco.mjtGain.mjGAIN_MUSCLE and most > least):
         return {}
     optimal = float((longest - shortest) / (most - least))
     lengths = {"optimal_fiber_length": optimal, "tendon_slack_length": float(shortest - least * optimal)}

@@ -98,8 +98,7 @@ def scene_of(run: Result, pack: Pack) -> dict[str, Any]:
         muscles.append({"name": name, "colour": colour_of(number), "surface": surface, "fibres": fibres})
     whole = merged(run.track(name).rest for name in run.muscle_names)
     view = {"towards": clearest_view([whole], [run.drawn_bones.spread()]).direction.tolist()}
-    bones = _bones(run, shown, pack)
-    return {"shown": shown, "mm": scale, "bones": bones, "muscles": muscles, "view": view}
+    return {"shown": shown, "mm": scale, "bones": _bones(run, shown, pack), "muscles": muscles, "view": view}
 
 
 def shown_of(count: int) -> list[int]:

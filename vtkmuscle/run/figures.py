@@ -212,9 +212,8 @@ class ResultDisplay:
         """Show the kept frame at a position."""
         result, frame = self._result, self._result.frames[position]
         there = [name for name in self._names if position < result.finished(name)]
-        moving = result.motion.transforms
         self.scene.show(
-            {bone: table[frame] for bone, table in moving.items()},
+            {bone: table[frame] for bone, table in result.motion.transforms.items()},
             {n: points_of(result.muscle(n, frame=frame)) for n in there} if self._volumes else {},
             {n: points_of(result.fibres(n, frame=frame)) for n in there if n in self._fibres},
         )

@@ -100,8 +100,7 @@ class MuscleMeasure:
         """Return the depth of points (n, 3) inside other muscles, by the names of the report."""
         depths = np.zeros(len(points))
         for other in others:
-            tree = outward_tree(*checked_surface(other, "muscle"))
-            np.maximum(depths, tree.depth(points), out=depths)
+            np.maximum(depths, outward_tree(*checked_surface(other, "muscle")).depth(points), out=depths)
         depths *= self._millimetres
         inside = depths[depths > 0.0]
         return {

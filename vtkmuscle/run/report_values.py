@@ -49,8 +49,7 @@ def architecture_of(
     ``hill`` may have ``tendon_slack_length`` in the scene's unit and ``sarcomere_length`` in micrometres;
     ``aponeuroses`` are the surfaces at the ends of the fibres; ``name`` is looked up among published muscles.
     """
-    metrics = FibreMetrics(architecture=True)
-    summary = muscle_summary(metrics(fibres, muscle, attachments))
+    summary = muscle_summary(FibreMetrics(architecture=True)(fibres, muscle, attachments))
     result: dict[str, Any] = {}
     for array, (key, power) in MEASURES["architecture"].items():
         found, scale = summary[array], millimetres**power

@@ -327,8 +327,7 @@ class MuscleResult(Remedies):
     @property
     def architecture(self) -> Mapping[str, Any]:
         """Architecture at rest, by the names of ``report["definitions"]``."""
-        muscles = self._result.report["muscles"]
-        return self._of({self.name: muscles[self.name].get("architecture")}, "fibres")
+        return self._of({self.name: self._result.report["muscles"][self.name].get("architecture")}, "fibres")
 
     def surface(self, *, frame: int | None = None, time: float | None = None) -> Any:
         """Return its surface in a kept frame, as ``result.muscle(name, frame=...)``."""

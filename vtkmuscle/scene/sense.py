@@ -98,8 +98,7 @@ def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
 def _ring(key: str, area: AttachmentArea, muscle: RestSurface, units: str) -> Iterator[Finding]:
     """Yield implausible orders and positions of an area's landmarks."""
     landmarks = np.asarray(area.landmarks, dtype=np.float64)
-    size = diagonal(landmarks)
-    if len(landmarks) > 1 and size <= 1e-9 * diagonal(muscle.points):
+    if len(landmarks) > 1 and diagonal(landmarks) <= 1e-9 * diagonal(muscle.points):
         yield _finding("coincide", key, certain=True, count=len(landmarks))
         return
     if area.estimated or not area.closed or len(landmarks) < 4:
