@@ -79,8 +79,7 @@ def _animate(source: Path, out: Path, options: ExportOptions) -> None:
 
     check_format(out)  # before a run
     with io.Outputs.for_file(out, [source], overwrite=options.overwrite):
-        finished = source.is_dir()
-        result = vtkmuscle.Result.load(source) if finished else vtkmuscle.Scene.load(source).run()
+        result = vtkmuscle.Result.load(source) if source.is_dir() else vtkmuscle.Scene.load(source).run()
         result.write_usd(out, tubes=options.tubes)
     typer.echo(f"wrote {out}, with {len(result.frames)} frames")
 

@@ -39,8 +39,7 @@ def run_and_report(scene: vtkmuscle.Scene, out: Path, options: shared.RunArgumen
         tell(f"The {options.only.replace('_', ' ')} are in {out}")
         return
     if result.report["taken_over"]:
-        words = ", ".join(result.report["taken_over"])
-        tell(f"kept from an earlier run with equal inputs: {words}")
+        tell(f"kept from an earlier run with equal inputs: {', '.join(result.report['taken_over'])}")
     for name, muscle in result.report["muscles"].items():
         tell(f"{name}: {_summary(muscle)}")
         for reason in reasons_of(muscle["verdict"]):

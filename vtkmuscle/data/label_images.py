@@ -48,8 +48,7 @@ class LabelField:
     @property
     def spacing(self) -> Floats:
         """Size of a voxel (3,) [mm]."""
-        size: Floats = np.linalg.norm(self.frame[:3, :3], axis=0)
-        return size
+        return np.asarray(np.linalg.norm(self.frame[:3, :3], axis=0))
 
     def at(self, points: Floats) -> tuple[Floats, Floats]:
         """Return distances (n,) and gradients (n, 3) at points (n, 3)."""
@@ -76,8 +75,7 @@ class LabelField:
         value, slope = self.at(points)
         # A distance has slope 1, smaller at smoothed edges.
         squared = np.maximum(np.einsum("ij,ij->i", slope, slope), 0.25)
-        moved: Floats = points - (value / squared)[:, None] * slope
-        return moved
+        return np.asarray(points - (value / squared)[:, None] * slope)
 
     def _index(self, points: Floats) -> Floats:
         """Return fractional voxel coordinates (i, j, k) of points (n, 3)."""
@@ -272,8 +270,7 @@ def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
     points, triangles = _largest(apply_transform(field.frame, points), triangles)
     if np.linalg.det(field.frame) < 0.0:
         triangles = triangles[:, ::-1].copy()
-    area = survey(points, triangles).area
-    wanted = max(LEAST, math.ceil(area / (EVEN * edge * edge)))
+    wanted = max(LEAST, math.ceil(survey(points, triangles).area / (EVEN * edge * edge)))
     points, triangles = evened(points, triangles, wanted, field.projected)
     for _ in range(OFFSETS):
         report = survey(points, triangles)
@@ -292,6 +289,5 @@ def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
 def _largest(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
     """Return the connected part with most triangles, and its points."""
     part = point_components(len(points), unique_edges(triangles))[triangles[:, 0]]
-    kept = triangles[part == np.argmax(np.bincount(part))]
-    used, ids = np.unique(kept, return_inverse=True)
+    used, ids = np.unique(triangles[part == np.argmax(np.bincount(part))], return_inverse=True)
     return points[used], ids.reshape(-1, 3)

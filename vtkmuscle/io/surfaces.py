@@ -16,7 +16,7 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle.core.errors import InputError, check_is_file
 from vtkmuscle.data import toml_table
-from vtkmuscle.data.arrays import joined_triangles, points_of, with_points
+from vtkmuscle.data.arrays import joined_triangles, points_of, shallow_copy, with_points
 from vtkmuscle.io.in_child import read_in_child, vtk_messages
 from vtkmuscle.io.writing import insert_before, write_polydata, write_text
 from vtkmuscle.io.xml_elements import read_xml
@@ -95,12 +95,10 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
         remedy = "export the muscle or bone as a surface mesh"
         raise InputError(str(path), "the file holds no triangles", remedy)
     if data.GetNumberOfVerts() + data.GetNumberOfLines():
-        surface = vtkPolyData()
-        surface.ShallowCopy(data)
-        surface.SetVerts(vtkCellArray())
-        surface.SetLines(vtkCellArray())
-        surface.GetCellData().Initialize()
-        data = surface
+        data = shallow_copy(data)
+        data.SetVerts(vtkCellArray())
+        data.SetLines(vtkCellArray())
+        data.GetCellData().Initialize()
     with vtk_messages():
         result, changes = joined_triangles(data)
     if changes:

@@ -122,8 +122,7 @@ def _ahead_and_across(points: Floats, tangents: Floats, one: Ints, other: Ints) 
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), np.finfo(float).tiny)
     ways = points[one] - points[other]
     ahead: Floats = np.einsum("mi,mi->m", ways, along)
-    across: Floats = np.linalg.norm(ways - ahead[:, None] * along, axis=1)
-    return ahead, across
+    return ahead, np.asarray(np.linalg.norm(ways - ahead[:, None] * along, axis=1))
 
 
 def path_lengths(points: Floats) -> Floats:

@@ -227,8 +227,7 @@ def _place_beside(points: Floats, path: Floats) -> tuple[Floats, Floats]:
     mean of the path's points, weighted by a Gaussian of the distances as wide as a segment. Beside a straight
     path the mean is the nearest place. A curved path may have two nearest places: the mean does not choose.
     """
-    steps = np.diff(path, axis=0)
-    lengths2 = (steps**2).sum(axis=1)
+    lengths2 = (np.diff(path, axis=0) ** 2).sum(axis=1)
     squared = cdist(points, path, "sqeuclidean")
     ahead = 0.5 * (squared[:, :-1] - squared[:, 1:] + lengths2)
     part = (ahead / np.maximum(lengths2, np.finfo(float).tiny)).clip(0.0, 1.0)
