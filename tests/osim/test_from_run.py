@@ -31,7 +31,8 @@ ARCHITECTURE = {
 @pytest.fixture
 def results(ran, monkeypatch):
     """The folder of the results; no scene is run again."""
-    monkeypatch.setattr(Scene, "run", lambda *_args, **_options: pytest.fail("it was run"))
+    run = "vtkmuscle.opensim.from_run.run_scene"
+    monkeypatch.setattr(run, lambda *_args, **_options: pytest.fail("it was run"))
     return ran[0].parent / "results"
 
 

@@ -55,6 +55,7 @@ def export(
     if out.suffix.lower().startswith(".usd"):
         _animate(source, out, options)
         return
+    from vtkmuscle.cli.running import progress_bars
     from vtkmuscle.opensim import check_model
     from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
 
@@ -62,7 +63,10 @@ def export(
     settings: dict[str, Any] = {name: getattr(options, name) for name in names}
     settings |= {"kind": GEOMETRY_ONLY} if options.geometry_only else {}
     masses = {body: _kilograms(text) for body, text in pairs(options.mass, "--mass").items()}
-    for muscle in vtkmuscle.export(source, out, replace=pairs(options.replace), masses=masses, **settings):
+    settings |= {"replace": pairs(options.replace), "masses": masses, "workers": None}
+    with progress_bars() as progress:
+        muscles = vtkmuscle.export(source, out, progress=progress, **settings)
+    for muscle in muscles:
         typer.echo(f"{muscle.out.name}: {muscle}")
         if parameters := muscle.out.parameters:
             typer.echo("  " + ", ".join(f"{name} {value:.4g}" for name, value in parameters.items()))

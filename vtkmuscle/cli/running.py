@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -64,7 +64,7 @@ def _run(scene: vtkmuscle.Scene, out: Path, options: shared.RunArguments) -> Any
     names = ["frames", "workers", "overwrite"]
     names += [] if options.only is not None else ["figures", "report", "fresh"]
     settings: dict[str, Any] = {name: getattr(options, name) for name in names}
-    with _progress_bars(list(scene.muscles), quiet=options.quiet) as progress:
+    with progress_bars(scene.muscles, quiet=options.quiet) as progress:
         if options.only is not None:
             return run_only(scene, options.only, out, progress=progress, **settings)
         return scene.run(out, progress=progress, **settings)
@@ -86,7 +86,10 @@ def _summary(muscle: Mapping[str, Any]) -> str:
 
 
 @contextmanager
-def _progress_bars(muscles: list[str], *, quiet: bool) -> Iterator[Callable[[str, str, float], None]]:
+def progress_bars(
+    muscles: Iterable[str] = (), *, quiet: bool = False
+) -> Iterator[Callable[[str, str, float], None]]:
+    """Show a bar per muscle; further muscles get one with their first progress."""
     if quiet:
         yield lambda *_: shared.stop_if_interrupted()
         return
@@ -100,6 +103,8 @@ def _progress_bars(muscles: list[str], *, quiet: bool) -> Iterator[Callable[[str
 
         def show(muscle: str, stage: str, fraction: float) -> None:
             shared.stop_if_interrupted()
+            if muscle not in tasks:
+                tasks[muscle] = bars.add_task(muscle, total=1.0, stage=stage, start=False)
             # The clock starts with the first frame: earlier stages do not predict the remaining time.
             if fraction > 0 or stage == "deforming":
                 bars.start_task(tasks[muscle])

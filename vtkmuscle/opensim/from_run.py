@@ -31,7 +31,7 @@ from vtkmuscle.opensim.mjcf import mjcf_of
 from vtkmuscle.opensim.model import checked_model
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PointPath, moment_arm
 from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
-from vtkmuscle.run.frames import RunOptions
+from vtkmuscle.run.frames import Progress, RunOptions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.steps import paths_alone, run_scene
 from vtkmuscle.run.table import Table
@@ -93,6 +93,8 @@ def export(
     into: str | PathLike[str] | None = None,
     replace: Mapping[str, str] | None = None,
     overwrite: bool = False,
+    workers: int | None = 1,
+    progress: Progress | None = None,
     **options: Any,
 ) -> list[ExportedMuscle]:
     """Write the muscles of a scene with joints to OpenSim or MuJoCo, and return them with errors.
@@ -117,6 +119,8 @@ def export(
         By muscle of the scene: the model's muscle whose name and properties are reused.
     overwrite : bool, optional
         Whether files from elsewhere are replaced; inputs never are.
+    workers, progress : optional
+        Of the run, if any, as for :class:`~vtkmuscle.run.RunOptions`.
     **options
         Attributes of :class:`~vtkmuscle.opensim.Export`.
 
@@ -143,7 +147,7 @@ def export(
         if model is not None:
             theirs = checked_model(model)
             reused = {name: theirs.muscle(replaced).parameters for name, replaced in names.items()}
-        run = _run_of(Path(source), result)
+        run = _run_of(Path(source), result, RunOptions(figures=False, workers=workers, progress=progress))
         if unknown := sorted({*reused, *asked.parameters} - {*run.scene.muscles}):
             problem = f"the scene has no muscle {unknown[0]!r}"
             raise InputError("", problem, f"its muscles are {', '.join(run.scene.muscles)}")
@@ -207,7 +211,7 @@ class _Run(NamedTuple):
         return with_changes(self.tree, coordinates=own)
 
 
-def _run_of(source: Path, result: Result | None) -> _Run:
+def _run_of(source: Path, result: Result | None, options: RunOptions) -> _Run:
     """Return a scene with its results, run if necessary."""
     path = source
     if source.is_dir():
@@ -242,7 +246,7 @@ def _run_of(source: Path, result: Result | None) -> _Run:
     still = {name: tuple(each for each in on_way if each not in moving) for name, on_way in crossed.items()}
     with errors_at("motion", path, "extend the motion, or shorten the crosses of the muscles"):
         moved = {names: _with_moves(joints.tree, values, names) for names in dict.fromkeys(still.values())}
-    result = result or scene.run(figures=False)
+    result = result or run_scene(scene, None, options)
     whole = [name for name, verdict in result.verdicts.items() if verdict != FAILED]
     if left_out := [name for name in result.verdicts if name not in whole]:
         warnings.warn(f"left out of the model: {', '.join(left_out)}, failed in the run", stacklevel=4)
@@ -252,7 +256,7 @@ def _run_of(source: Path, result: Result | None) -> _Run:
         if names and muscles:
             motion = joints.motion_of(np.arange(float(len(columns[names[0]]))), columns)
             alone = paths_alone(scene.with_muscles(*muscles), motion=motion)
-            measured = run_scene(alone, None, RunOptions(figures=False, sense=False))
+            measured = run_scene(alone, None, with_changes(options, sense=False))
         now = {name: factors[name] * column for name, column in columns.items()}
         poses |= dict.fromkeys(muscles, _Poses(measured, now))
     return _Run(scene, result, joints, tree, metres, ends, crossed, poses)
@@ -297,7 +301,9 @@ def _exported(
             raise InputError("", f"muscle {name!r} has {computed}")
     lengths, arms = measured.lengths[name], measured.moment_arms()[name]
     # Where paths do not come to rest they have no lengths, and no moment arms.
-    kept = np.isfinite([lengths, *(arms[each].arms for each in run.crossed[name])]).all(axis=(0, 2))
+    kept = np.flatnonzero(np.isfinite(lengths).all(axis=1))
+    for coordinate in run.crossed[name]:
+        kept = np.intersect1d(kept, arms[coordinate].frames)
     values, lengths = {q: column[kept] for q, column in values.items()}, lengths[kept]
     if not len(lengths):
         raise InputError("", f"the paths of muscle {name!r} come to rest in no frame")
@@ -309,7 +315,10 @@ def _exported(
         members = number_of == group
         changes = (lengths - lengths.mean(axis=0))[:, members].T
         mean = lengths[:, members].mean(axis=1) / 1000.0
-        mean_arms = {at: arms[at].arms[kept][:, members].mean(axis=1) / unit for at, unit in units.items()}
+        mean_arms = {}
+        for at, unit in units.items():
+            rows = np.isin(arms[at].frames, kept)
+            mean_arms[at] = arms[at].arms[rows][:, members].mean(axis=1) / unit
         if lines is None:
             columns = {each: values[each] for each in mean_arms}
             path: FunctionPath | PointPath = fit_length(mean, columns, mean_arms)
