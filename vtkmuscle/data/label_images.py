@@ -267,7 +267,9 @@ def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
     values = ndimage.zoom(field.values, counts / nodes, order=1)
     points, triangles = isosurface(values.T, np.zeros(3), 1.0)
     points *= ((nodes - 1) / (np.array(values.shape) - 1))[::-1]
-    points, triangles = _largest(apply_transform(field.frame, points), triangles)
+    part = point_components(len(points), unique_edges(triangles))[triangles[:, 0]]
+    used, ids = np.unique(triangles[part == np.argmax(np.bincount(part))], return_inverse=True)  # the largest
+    points, triangles = apply_transform(field.frame, points[used]), ids.reshape(-1, 3)
     if np.linalg.det(field.frame) < 0.0:
         triangles = triangles[:, ::-1].copy()
     wanted = max(LEAST, math.ceil(survey(points, triangles).area / (EVEN * edge * edge)))
@@ -284,10 +286,3 @@ def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
     else:
         return points, triangles
     raise InputError("", problem, "smooth or remove the label in the segmentation program")
-
-
-def _largest(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
-    """Return the connected part with most triangles, and its points."""
-    part = point_components(len(points), unique_edges(triangles))[triangles[:, 0]]
-    used, ids = np.unique(triangles[part == np.argmax(np.bincount(part))], return_inverse=True)
-    return points[used], ids.reshape(-1, 3)

@@ -126,9 +126,8 @@ class FibreSource(Filter):
         if aponeuroses is not None:
             origin, insertion = aponeurosis_surfaces(aponeuroses, geometry, "aponeuroses", areas)
         else:
-            where = {role: f"attachments: {role} area" for role in ROLES}
-            ends = (joined_surface(areas_of_role(areas, role), geometry, where[role]) for role in ROLES)
-            origin, insertion = ends
+            sides = ((areas_of_role(areas, role), geometry, f"attachments: {role} area") for role in ROLES)
+            origin, insertion = (joined_surface(*side) for side in sides)
         self.report_progress(0.2)
         fibres = straight_fibres(origin, insertion, self.n_fibres, self.resolution)
         volume = abs(signed_volume(geometry.points, geometry.triangles))

@@ -70,8 +70,7 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     usual = float(np.median(across)) if len(across) else 0.0
     apart = (across > SAME * length) & (across > TOO_NEAR * usual)
     spacing = np.maximum(across[apart], LEAST_SPACING * usual)
-    stiffness = (length / (spacing * (n - 1))) ** 2
-    moduli = np.outer(stiffness, (MODULUS, SHEAR_MODULUS))
+    moduli = np.outer((length / (spacing * (n - 1))) ** 2, (MODULUS, SHEAR_MODULUS))
     return Neighbours(pairs[apart], across[apart], ahead[apart], moduli)
 
 

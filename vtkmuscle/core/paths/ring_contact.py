@@ -36,8 +36,7 @@ def rings_at(
     moved = [moved_ring(ring, transforms[bone]) for bone, ring in rings]
     frames = np.array([[ring.centre - middle, ring.normal, *ring.axes] for ring in moved]).reshape(-1, 4, 3)
     corners = np.concatenate([np.empty((0, 2)), *(ring.corners for ring in moved)])
-    offsets = np.cumsum([0, *(len(ring.corners) for ring in moved)])
-    return Rings(frames, corners, offsets, outside)
+    return Rings(frames, corners, np.cumsum([0, *(len(ring.corners) for ring in moved)]), outside)
 
 
 @kernel

@@ -188,8 +188,7 @@ def falling_weights(distances: Floats, least: float) -> Floats:
     Distances are (m, k), ascending; the last weight is 0, and rows sum to 1. Distances below ``least`` count
     as equal.
     """
-    width = np.maximum(distances[:, -1:] / 2.0, least)
-    values = np.exp(-0.5 * (distances / width) ** 2)
+    values = np.exp(-0.5 * (distances / np.maximum(distances[:, -1:] / 2.0, least)) ** 2)
     # Rounding decides the last of several neighbours at an equal distance: with a weight of 0 the choice does
     # not matter. Rows of equal weights stay unchanged.
     less = values - values[:, -1:]
