@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
-from vtkmuscle.labels.guesses import fitted_ball, fitted_hinge
+from vtkmuscle.data.arrays import surface_from
+from vtkmuscle.labels.guesses import fitted_ball, fitted_hinge, guessed_joints
 from vtkmuscle.phantoms.implicit import ball, thick_curve, union
 from vtkmuscle.phantoms.meshing import mesh_of
 
@@ -38,6 +39,17 @@ def test_the_axis_goes_through_both_condyles():
     direction = (MEDIAL - LATERAL) / np.linalg.norm(MEDIAL - LATERAL)
     assert abs(fit.axis @ direction) > np.cos(np.radians(1.0))
     assert fit.confidence > 0.5
+
+
+def test_two_bones_of_a_joint_move_together():
+    femur, shank = (
+        surface_from(*mesh_of(solid, 3.0, 8000))
+        for solid in (KNEE, thick_curve([(0, 8, -40), (0, 8, -250)], [20, 12]))
+    )
+    joints, limits, _ = guessed_joints({"femur": femur, "shank": shank, "tibia": shank})
+    assert (joints["knee"]["parent"], joints["knee"]["child"]) == ("femur", "shank")
+    assert joints["tibia"] == {"parent": "shank", "child": "tibia", "type": "weld"}
+    assert list(limits) == ["knee_flexion"]
 
 
 def test_what_is_not_round_is_refused():

@@ -171,11 +171,15 @@ def guessed_joints(
         if parent is None:
             continue
         side = side_of(child) or side_of(parent)
-        stem = kind.name if kind.form != "weld" else stem_of(child)
-        name = f"{stem}_{side}" if side else stem
-        table: dict[str, Any] = {"parent": parent, "child": child, "type": kind.form}
+        named = f"{{}}_{side}" if side else "{}"
+        form, name = kind.form, named.format(kind.name)
+        if name in joints:  # of another part of the child, such as a tibia beside a shank
+            parent, form = joints[name]["child"], "weld"
+        if form == "weld":
+            name = named.format(stem_of(child))
+        table: dict[str, Any] = {"parent": parent, "child": child, "type": form}
         key = f"joints.{name}"
-        if kind.form == "weld":
+        if form == "weld":
             why = f"{child!r} moves with {parent!r}, by its name"
             guesses.append(Guess(f"{key}.parent", parent, 0.5, why))
         else:
