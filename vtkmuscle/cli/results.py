@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
@@ -62,8 +61,8 @@ def export(
     names = ["into", "overwrite", "groups", "specific_tension", *["form"] * (out.suffix.lower() == ".osim")]
     settings: dict[str, Any] = {name: getattr(options, name) for name in names}
     settings |= {"kind": GEOMETRY_ONLY} if options.geometry_only else {}
-    masses = {body: _kilograms(text) for body, text in pairs(options.mass, "--mass").items()}
-    settings |= {"replace": pairs(options.replace), "masses": masses, "workers": None}
+    masses = {body: _kilograms(text) for body, text in shared.pairs(options.mass, "--mass").items()}
+    settings |= {"replace": shared.pairs(options.replace), "masses": masses, "workers": None}
     with progress_bars() as progress:
         muscles = vtkmuscle.export(source, out, progress=progress, **settings)
     for muscle in muscles:
@@ -111,17 +110,6 @@ def _kilograms(text: str) -> float:
     return mass
 
 
-def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, str]:
-    """Return the pairs OURS=THEIRS of an option."""
-    names = {}
-    for text in texts or ():
-        ours, _, theirs = text.partition("=")
-        if not ours or not theirs:
-            raise InputError(option, f"{text!r} is no pair", "write both sides of the =")
-        names[ours] = theirs
-    return names
-
-
 @dataclass(frozen=True, kw_only=True)
 class CheckOptions:
     """The options of a check of a model."""
@@ -161,7 +149,7 @@ def check(
     pages = io.Outputs.for_file(page, [model, scene], overwrite=options.overwrite)
     pages.check(page.with_suffix(".csv"))
     if repair is not None and scene is not None:
-        theirs, overwrite = pairs(replace), options.overwrite
+        theirs, overwrite = shared.pairs(replace), options.overwrite
         for new in vtkmuscle.export(scene, repair, into=model, replace=theirs, overwrite=overwrite):
             typer.echo(f"{new.out.name}: {new}", err=options.json)
         model = repair

@@ -15,7 +15,6 @@ from typer import Argument, Option
 
 import vtkmuscle
 from vtkmuscle.cli import options as shared
-from vtkmuscle.cli.results import pairs
 
 
 def run_and_report(scene: vtkmuscle.Scene, out: Path, options: shared.RunArguments) -> None:
@@ -176,7 +175,7 @@ def tradeoff(
 
     from vtkmuscle.tradeoffs import ALL, ERRORS, TRIED
 
-    varied = pairs(options.vary, "--vary")
+    varied = shared.pairs(options.vary, "--vary")
     settings = {name: [_value(text) for text in texts.split(",")] for name, texts in varied.items()}
 
     def show(rows: Sequence[Mapping[str, Any]]) -> None:
