@@ -108,7 +108,8 @@ def test_a_copy_of_lines_puts_point_arrays_in_the_order_of_the_lines():
         cells={"FibreId": np.array([10, 11])},
         fields={"Transform": np.arange(16.0)},
     )
-    result = polylines_of(data, "here").copy()
+    lines = polylines_of(data, "here")
+    result = lines.moved(lines.points)
     np.testing.assert_array_equal(point_array(result, "id", "here"), [2, 1, 0, 1, 3, 4])
     np.testing.assert_array_equal(cell_array(result, "FibreId", "here"), [10, 11])
     np.testing.assert_array_equal(field_array(result, "Transform"), np.arange(16.0))

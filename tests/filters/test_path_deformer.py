@@ -9,10 +9,10 @@ from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.data.arrays import (
     add_arrays,
-    array_names,
     blocks_of,
     cell_array,
     field_array,
+    names_of,
     point_array,
     points_of,
     polylines_of,
@@ -143,7 +143,7 @@ def test_at_rest_fibres_are_the_own_fibres_with_their_arrays(parts):
     lines = polylines_of(fibres, "")
     rest = [np.linalg.norm(np.diff(lines.line(i), axis=0), axis=1).sum() for i in range(len(lines))]
     np.testing.assert_allclose(cell_array(out, "RestLength", ""), rest, rtol=1e-9)
-    assert "PointsOutside" in array_names(out.GetFieldData())
+    assert "PointsOutside" in names_of("", out.GetFieldData())
 
 
 def test_fibres_go_with_their_paths_and_stay_in_the_muscle(parts):

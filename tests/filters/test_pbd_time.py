@@ -1,6 +1,7 @@
 """A frame is the same whatever was asked for, and changed, before; and nothing is done twice without need."""
 
 import functools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -150,8 +151,8 @@ def test_a_change_redoes_what_depends_on_it_and_nothing_else(work, quality, name
 def kept_after_a_straight_run(n_steps, room):
     checkpoints, steps = {}, [float(i) for i in range(n_steps)]
     for i in range(n_steps):
-        checkpoints[steps[i]] = i
-        thin(checkpoints, steps, steps[max(i - 1, 0) : i + 1], nbytes=10, memory=10.0 * room)
+        checkpoints[steps[i]] = SimpleNamespace(nbytes=10)
+        thin(checkpoints, steps, steps[: i + 1], 10.0 * room)
     return checkpoints, [step for step in steps if step in checkpoints]
 
 

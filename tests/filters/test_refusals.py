@@ -181,7 +181,7 @@ REFUSED = [
     (
         "StiffTendons",
         {name: lines_of([np.eye(3), np.eye(3)[:2]]) for name in ("fibres", "rest_fibres")},
-        "rest_fibres: fibres have 2 to 3 points",
+        "rest_fibres: lines have 2 to 3 points",
     ),
     ("StiffTendons", {"fibres": lines_of([np.eye(3)] * 2)}, "fibres: numbers of points differ"),
     ("StiffTendons", {"paths": vtkPolyData()}, "paths: the data set has no paths"),

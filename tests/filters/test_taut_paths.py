@@ -14,10 +14,10 @@ from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.paths import pose
 from vtkmuscle.data.arrays import (
     add_arrays,
-    array_names,
     blocks_of,
     cell_array,
     field_array,
+    names_of,
     point_array,
     points_of,
     polylines_of,
@@ -149,14 +149,14 @@ def test_paths_have_lengths_rest_and_the_arrays_of_their_fibres():
     ratio = measured / cell_array(out, "RestLength", "")
     np.testing.assert_allclose(cell_array(out, "Ratio", ""), ratio, rtol=1e-9)
     np.testing.assert_array_equal(cell_array(out, "Own", ""), own)
-    assert {"Contact", "Squeezed", "Sag"} <= set(array_names(out.GetCellData()))
+    assert {"Contact", "Squeezed", "Sag"} <= set(names_of("", out.GetCellData()))
 
 
 def test_few_solved_paths_carry_all_fibres_and_all_are_as_without_the_setting():
     made, every = paths_of(*CASES[0], n_paths=6), paths_of(*CASES[0])
     few, all_solved = (paths.update(time=30.0).output for paths in (made, every))
     assert few.GetNumberOfCells() == 16
-    assert array_names(few.GetCellData()) == array_names(all_solved.GetCellData())
+    assert names_of("", few.GetCellData()) == names_of("", all_solved.GetCellData())
     assert digest(few) != digest(all_solved)
     np.testing.assert_allclose(cell_array(few, "Length", ""), cell_array(all_solved, "Length", ""), atol=1.0)
     _, fixed, fibres = at_rest(*CASES[0])
@@ -186,7 +186,7 @@ def test_levers_are_slopes_of_lengths_and_may_be_left_out():
     np.testing.assert_allclose(arms, -(after - before) / np.radians(2.0), rtol=0.0, atol=0.3)
     assert np.abs(arms).min() > 5.0
     without = paths_of(*CASES[3], levers=False).update(time=30.0).output
-    assert not [name for name in array_names(without.GetCellData()) if name.startswith(LEVERS)]
+    assert not [name for name in names_of("", without.GetCellData()) if name.startswith(LEVERS)]
     np.testing.assert_allclose(cell_array(without, "Length", ""), lengths(paths, 30.0), atol=0.02)
 
 
@@ -227,7 +227,7 @@ def test_a_frame_that_does_not_come_to_rest_says_so_and_has_no_lengths_and_arms(
     def told(paths, time):
         output = paths.update(time=time).output
         unsettled, steps = (field_array(output, name)[0] for name in ("Unsettled", "PathSteps"))
-        levers = [name for name in array_names(output.GetCellData()) if name.startswith(LEVERS)]
+        levers = [name for name in names_of("", output.GetCellData()) if name.startswith(LEVERS)]
         return unsettled, steps, [cell_array(output, name, "test") for name in ("Length", "Ratio", *levers)]
 
     paths = paths_of(*CASES[3])

@@ -6,7 +6,7 @@ import inspect
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
@@ -90,6 +90,17 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     with_single.__signature__ = signature.replace(parameters=[*before, *single])  # type: ignore[attr-defined]
     with_single.__annotations__ = {one.name: one.annotation for one in (*before, *single)}
     return with_single
+
+
+def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, str]:
+    """Return the pairs OURS=THEIRS of an option."""
+    names = {}
+    for text in texts or ():
+        ours, _, theirs = text.partition("=")
+        if not ours or not theirs:
+            raise InputError(option, f"{text!r} is no pair", "write both sides of the =")
+        names[ours] = theirs
+    return names
 
 
 #: Exit status if a muscle failed and all else was written, of input that cannot be used, of a fault of the

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
@@ -62,8 +61,8 @@ def export(
     names = ["into", "overwrite", "groups", "specific_tension", *["form"] * (out.suffix.lower() == ".osim")]
     settings: dict[str, Any] = {name: getattr(options, name) for name in names}
     settings |= {"kind": GEOMETRY_ONLY} if options.geometry_only else {}
-    masses = {body: _kilograms(text) for body, text in pairs(options.mass, "--mass").items()}
-    settings |= {"replace": pairs(options.replace), "masses": masses, "workers": None}
+    masses = {body: _kilograms(text) for body, text in shared.pairs(options.mass, "--mass").items()}
+    settings |= {"replace": shared.pairs(options.replace), "masses": masses, "workers": None}
     with progress_bars() as progress:
         muscles = vtkmuscle.export(source, out, progress=progress, **settings)
     for muscle in muscles:
@@ -83,8 +82,7 @@ def _animate(source: Path, out: Path, options: ExportOptions) -> None:
 
     check_format(out)  # before a run
     with io.Outputs.for_file(out, [source], overwrite=options.overwrite):
-        finished = source.is_dir()
-        result = vtkmuscle.Result.load(source) if finished else vtkmuscle.Scene.load(source).run()
+        result = vtkmuscle.Result.load(source) if source.is_dir() else vtkmuscle.Scene.load(source).run()
         result.write_usd(out, tubes=options.tubes)
     typer.echo(f"wrote {out}, with {len(result.frames)} frames")
 
@@ -110,17 +108,6 @@ def _kilograms(text: str) -> float:
     if not 0.0 <= mass < inf:
         raise InputError("--mass", f"{text!r} is no mass", "write BODY=KG, e.g. femur=8.5")
     return mass
-
-
-def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, str]:
-    """Return the pairs OURS=THEIRS of an option."""
-    names = {}
-    for text in texts or ():
-        ours, _, theirs = text.partition("=")
-        if not ours or not theirs:
-            raise InputError(option, f"{text!r} is no pair", "write both sides of the =")
-        names[ours] = theirs
-    return names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,7 +149,7 @@ def check(
     pages = io.Outputs.for_file(page, [model, scene], overwrite=options.overwrite)
     pages.check(page.with_suffix(".csv"))
     if repair is not None and scene is not None:
-        theirs, overwrite = pairs(replace), options.overwrite
+        theirs, overwrite = shared.pairs(replace), options.overwrite
         for new in vtkmuscle.export(scene, repair, into=model, replace=theirs, overwrite=overwrite):
             typer.echo(f"{new.out.name}: {new}", err=options.json)
         model = repair

@@ -15,7 +15,6 @@ from typer import Argument, Option
 
 import vtkmuscle
 from vtkmuscle.cli import options as shared
-from vtkmuscle.cli.results import pairs
 
 
 def run_and_report(scene: vtkmuscle.Scene, out: Path, options: shared.RunArguments) -> None:
@@ -39,8 +38,7 @@ def run_and_report(scene: vtkmuscle.Scene, out: Path, options: shared.RunArgumen
         tell(f"The {options.only.replace('_', ' ')} are in {out}")
         return
     if result.report["taken_over"]:
-        words = ", ".join(result.report["taken_over"])
-        tell(f"kept from an earlier run with equal inputs: {words}")
+        tell(f"kept from an earlier run with equal inputs: {', '.join(result.report['taken_over'])}")
     for name, muscle in result.report["muscles"].items():
         tell(f"{name}: {_summary(muscle)}")
         for reason in reasons_of(muscle["verdict"]):
@@ -177,7 +175,7 @@ def tradeoff(
 
     from vtkmuscle.tradeoffs import ALL, ERRORS, TRIED
 
-    varied = pairs(options.vary, "--vary")
+    varied = shared.pairs(options.vary, "--vary")
     settings = {name: [_value(text) for text in texts.split(",")] for name, texts in varied.items()}
 
     def show(rows: Sequence[Mapping[str, Any]]) -> None:

@@ -113,8 +113,7 @@ def sobol_points(n: int) -> Floats:
     2^-m, once each, as coordinates. A shift by half a cell keeps the first fibre off the cube's edge, which
     would lie in the muscle's surface.
     """
-    exponent = max(n - 1, 0).bit_length()
-    return np.asarray(sobol(n, 2) + 0.5 / 2**exponent)
+    return np.asarray(sobol(n, 2) + 0.5 / 2 ** max(n - 1, 0).bit_length())
 
 
 def read_template(path: str | Path) -> FibreTemplate:
@@ -193,14 +192,12 @@ class BoxFit(NamedTuple):
 
     The `transform` (4, 4) from the unit cube is a right-handed rotation of a scaled cube, and a translation;
     the z axis runs from origin to insertion. `error` is the sum of distances from points of the template's
-    areas to the nearest landmarks [mm], `angle` the turn about the axis from the first box of the sweep
-    [degrees]. `cost`, least for the best box, is the mean distance as a part of the muscle's extent, plus the
-    angle to superficial fibres [rad].
+    areas to the nearest landmarks [mm]. `cost`, least for the best box, is the mean distance as a part of the
+    muscle's extent, plus the angle to superficial fibres [rad].
     """
 
     transform: Floats
     error: float
-    angle: float
     cost: float
 
 
@@ -290,7 +287,7 @@ def fit_box(
         costs += [guide(box) for box in boxes]
     # The first of costs that tie, as for a symmetric template.
     best = int((costs <= costs.min() + ROUNDING).argmax())
-    return BoxFit(boxes[best], float(errors[best]), float(steps[best]), float(costs[best]))
+    return BoxFit(boxes[best], float(errors[best]), float(costs[best]))
 
 
 class SuperficialFibres(NamedTuple):

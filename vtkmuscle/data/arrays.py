@@ -153,6 +153,14 @@ class Polylines:
         """Length of each line (k,)."""
         return polyline_lengths(self.points, self.offsets)
 
+    def stacked(self, where: str, remedy: str) -> Floats:
+        """Return the points (k, n, 3) of lines with equal numbers; ValueError at `where` for others."""
+        counts = np.unique(np.diff(self.offsets))
+        if len(counts) > 1:
+            problem = f"lines have {counts[0]} to {counts[-1]} points, but must have equal numbers"
+            raise InputError(where, problem, remedy)
+        return self.points.reshape(len(self), int(counts[0]), 3)
+
     def line(self, i: int) -> Floats:
         """Return the points of line i, a view."""
         return self.points[self.offsets[i] : self.offsets[i + 1]]
@@ -171,10 +179,6 @@ class Polylines:
                 if array is not None:
                     add_arrays(result, points={array.GetName(): vtk_to_numpy(array)[order]})
         return result
-
-    def copy(self) -> vtkPolyData:
-        """Return a copy of the lines with all arrays of the source."""
-        return self.moved(self.points)
 
 
 def polylines_of(data: vtkPolyData, where: str) -> Polylines:
@@ -270,11 +274,6 @@ def multiblock_from(blocks: dict[str, Any]) -> vtkMultiBlockDataSet:
     return data
 
 
-def array_names(attributes: Any) -> list[str]:
-    """Return the array names of point, cell or field data."""
-    return [str(attributes.GetArrayName(i)) for i in range(attributes.GetNumberOfArrays())]
-
-
 #: Characters lost in array names of VTK's XML files, and their escapes.
 _ESCAPES = {ord(character): f"%{ord(character):02X}" for character in "%<>&\"'"}
 
@@ -285,8 +284,8 @@ def array_of(kind: str, name: str) -> str:
 
 
 def names_of(kind: str, attributes: Any) -> dict[str, str]:
-    """Return the array names of a kind by plain name, see :func:`array_of`."""
-    names = array_names(attributes)
+    """Return the array names of a kind, "" for all, by plain name, see :func:`array_of`."""
+    names = [str(attributes.GetArrayName(i)) for i in range(attributes.GetNumberOfArrays())]
     return {unquote(array.removeprefix(kind)): array for array in names if array.startswith(kind)}
 
 

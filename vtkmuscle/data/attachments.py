@@ -102,8 +102,7 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
         landmarks, closed = landmarks_of(block, label)
         if role == VIA:
             if not closed:
-                remedy = "end the polyline with its first point"
-                raise InputError(label, "a via ring must be closed", remedy)
+                raise InputError(label, "a via ring must be closed", "end the polyline with its first point")
             with errors_at(label):
                 via_ring(landmarks)
         estimated, stated = arrays.field_array(block, "Estimated"), arrays.field_array(block, "Confidence")

@@ -48,8 +48,7 @@ class LabelField:
     @property
     def spacing(self) -> Floats:
         """Size of a voxel (3,) [mm]."""
-        size: Floats = np.linalg.norm(self.frame[:3, :3], axis=0)
-        return size
+        return np.asarray(np.linalg.norm(self.frame[:3, :3], axis=0))
 
     def at(self, points: Floats) -> tuple[Floats, Floats]:
         """Return distances (n,) and gradients (n, 3) at points (n, 3)."""
@@ -76,8 +75,7 @@ class LabelField:
         value, slope = self.at(points)
         # A distance has slope 1, smaller at smoothed edges.
         squared = np.maximum(np.einsum("ij,ij->i", slope, slope), 0.25)
-        moved: Floats = points - (value / squared)[:, None] * slope
-        return moved
+        return np.asarray(points - (value / squared)[:, None] * slope)
 
     def _index(self, points: Floats) -> Floats:
         """Return fractional voxel coordinates (i, j, k) of points (n, 3)."""
@@ -269,11 +267,12 @@ def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
     values = ndimage.zoom(field.values, counts / nodes, order=1)
     points, triangles = isosurface(values.T, np.zeros(3), 1.0)
     points *= ((nodes - 1) / (np.array(values.shape) - 1))[::-1]
-    points, triangles = _largest(apply_transform(field.frame, points), triangles)
+    part = point_components(len(points), unique_edges(triangles))[triangles[:, 0]]
+    used, ids = np.unique(triangles[part == np.argmax(np.bincount(part))], return_inverse=True)  # the largest
+    points, triangles = apply_transform(field.frame, points[used]), ids.reshape(-1, 3)
     if np.linalg.det(field.frame) < 0.0:
         triangles = triangles[:, ::-1].copy()
-    area = survey(points, triangles).area
-    wanted = max(LEAST, math.ceil(area / (EVEN * edge * edge)))
+    wanted = max(LEAST, math.ceil(survey(points, triangles).area / (EVEN * edge * edge)))
     points, triangles = evened(points, triangles, wanted, field.projected)
     for _ in range(OFFSETS):
         report = survey(points, triangles)
@@ -287,11 +286,3 @@ def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
     else:
         return points, triangles
     raise InputError("", problem, "smooth or remove the label in the segmentation program")
-
-
-def _largest(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
-    """Return the connected part with most triangles, and its points."""
-    part = point_components(len(points), unique_edges(triangles))[triangles[:, 0]]
-    kept = triangles[part == np.argmax(np.bincount(part))]
-    used, ids = np.unique(kept, return_inverse=True)
-    return points[used], ids.reshape(-1, 3)

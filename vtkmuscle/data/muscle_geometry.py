@@ -186,11 +186,6 @@ def inner_areas(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> tu
     return discs_over([area.landmarks for area in areas if area.closed and within(area.landmarks)])
 
 
-def attached_surface(areas: Sequence[AttachmentArea], geometry: MuscleGeometry, where: str) -> EndSurface:
-    """Return the end surface of a role's areas."""
-    return _together(areas, geometry, where, takes=(0.0, np.inf))
-
-
 def aponeurosis_surfaces(
     aponeuroses: Sequence[Aponeurosis],
     geometry: MuscleGeometry,
@@ -228,7 +223,7 @@ def _aponeurosis(
             shapes.append((sheet.points, sheet.triangles) if len(sheet.triangles) else ring)
     if not shapes:
         raise InputError(where, f"there is no {side} aponeurosis", "give both, proximal and distal")
-    surface = _together(shapes, geometry, label, takes=(1.0, 1.0))
+    surface = joined_surface(shapes, geometry, label, (1.0, 1.0))
     share = surface.samples.area / _area(geometry.points, geometry.triangles)
     if share > COVERS:
         problem = f"the aponeurosis covers {100 * share:.0f} % of the muscle's surface"
@@ -236,8 +231,8 @@ def _aponeurosis(
     return surface
 
 
-def _together(
-    shapes: Sequence[Shape], geometry: MuscleGeometry, where: str, *, takes: tuple[float, float]
+def joined_surface(
+    shapes: Sequence[Shape], geometry: MuscleGeometry, where: str, takes: tuple[float, float] = (0.0, np.inf)
 ) -> EndSurface:
     """Return areas and separate surfaces as one end surface. `takes` is a range on the muscle's surface."""
     patches: list[Ints] = []

@@ -52,12 +52,8 @@ def path_lines_of(data: vtkPolyData, where: str) -> PathLines | None:
     if not data.GetNumberOfCells():
         return None
     rest = point_array(data, REST_POSITION, where)
-    lines = polylines_of(data, where)
-    counts = np.unique(np.diff(lines.offsets))
-    if len(counts) > 1:
-        raise InputError(where, f"paths have {counts[0]} to {counts[-1]} points", "connect TautPaths")
-    shape = len(lines), int(counts[0]), 3
-    return PathLines(data, np.asarray(rest, dtype=np.float64).reshape(shape), lines.points.reshape(shape))
+    points = polylines_of(data, where).stacked(where, "connect TautPaths")
+    return PathLines(data, np.asarray(rest, dtype=np.float64).reshape(points.shape), points)
 
 
 class Paths(NamedTuple):

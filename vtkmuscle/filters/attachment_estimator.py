@@ -117,8 +117,7 @@ def estimated_areas(
     for role, end in zip(ROLES, ends, strict=True):
         for bone, patch in end.contacts:
             landmarks, closed = outline(points, triangles, patch)
-            confidence = OVERLAP * end.confidence
-            areas.append(AttachmentArea(role, bone, landmarks, closed, True, confidence))
+            areas.append(AttachmentArea(role, bone, landmarks, closed, True, OVERLAP * end.confidence))
     return areas
 
 

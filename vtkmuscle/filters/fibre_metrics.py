@@ -109,7 +109,7 @@ class FibreMetrics(Filter):
         floor = np.maximum(chords, np.finfo(np.float64).eps * lengths)
         ratio = np.divide(lengths, floor, out=np.ones_like(lengths), where=floor > 0)
         cells = {"Length": lengths, "Tortuosity": np.maximum(ratio, 1.0)}
-        result = fibres.copy()
+        result = fibres.moved(points)
         if result.GetCellData().HasArray("RestLength"):
             cells["Strain"] = _strain(result, lengths)
         if muscle is not None:

@@ -119,8 +119,7 @@ class FibreSmoother(Filter):
         for done in range(self.smoothing_passes):
             points = smooth_about_course(points, lines.offsets, self.smoothing_weight, 1)
             if within is not None:
-                steps = spreading * steps_to_centres(points, lines.offsets, within)
-                goals = points + steps
+                goals = points + spreading * steps_to_centres(points, lines.offsets, within)
                 for end, other, area in zip(ends, reversed(ends), areas, strict=True):
                     if area is None:
                         goals[end] = points[end]

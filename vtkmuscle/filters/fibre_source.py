@@ -15,7 +15,7 @@ from vtkmuscle.core.fibres.between_areas import (
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
 from vtkmuscle.data.attachments import ROLES, Aponeurosis, Areas, aponeuroses_of, areas_of_role
-from vtkmuscle.data.muscle_geometry import Surface, aponeurosis_surfaces, attached_surface
+from vtkmuscle.data.muscle_geometry import Surface, aponeurosis_surfaces, joined_surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
@@ -126,9 +126,8 @@ class FibreSource(Filter):
         if aponeuroses is not None:
             origin, insertion = aponeurosis_surfaces(aponeuroses, geometry, "aponeuroses", areas)
         else:
-            where = {role: f"attachments: {role} area" for role in ROLES}
-            ends = (attached_surface(areas_of_role(areas, role), geometry, where[role]) for role in ROLES)
-            origin, insertion = ends
+            sides = ((areas_of_role(areas, role), geometry, f"attachments: {role} area") for role in ROLES)
+            origin, insertion = (joined_surface(*side) for side in sides)
         self.report_progress(0.2)
         fibres = straight_fibres(origin, insertion, self.n_fibres, self.resolution)
         volume = abs(signed_volume(geometry.points, geometry.triangles))

@@ -7,7 +7,6 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.embedding import EmbeddedPoints, Tendons
-from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.triangle_tree import shared_tree
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays
@@ -91,7 +90,7 @@ class FibreTransport(Filter):
         inputs = points, vertices, rest_muscle.triangles, self.weight_tolerance
         embedded = self.once("embedded", inputs, EmbeddedPoints)
         result = rest_fibres.moved(embedded.moved(moved, self.report_progress))
-        cells = {"RestLength": polyline_lengths(points, rest_fibres.offsets)}
+        cells = {"RestLength": rest_fibres.lengths}
         fields = {"PointsOutside": embedded.n_outside, "WeightError": embedded.error}
         return add_arrays(result, cells=cells, fields=fields)
 
@@ -171,18 +170,13 @@ class StiffTendons(Filter):
         if not np.array_equal(fibres.offsets, rest_fibres.offsets):
             problem = "numbers of points differ from rest_fibres"
             raise InputError("fibres", problem, "connect the same fibres, at rest and moved")
-        counts = np.unique(np.diff(rest_fibres.offsets))
-        if len(counts) > 1:
-            problem = f"fibres have {counts[0]} to {counts[-1]} points, but must have equal numbers"
-            raise InputError("rest_fibres", problem, "FibreSource makes such fibres")
-        shape = len(rest_fibres), int(counts[0]), 3
-        lines = rest_fibres.points.reshape(shape)
+        lines = rest_fibres.stacked("rest_fibres", "FibreSource makes such fibres")
 
         def tendons(lines: Floats, paths: Floats) -> Tendons:
             return Tendons(lines, paths, _on_bone(rest_muscle, lines[:, [0, -1]]))
 
         held = self.once("tendons", (lines, paths.rest), tendons)
-        moved = held.placed(fibres.points.reshape(shape), paths.points).reshape(-1, 3)
+        moved = held.placed(fibres.points.reshape(lines.shape), paths.points).reshape(-1, 3)
         inputs = rest_fibres.points, rest_muscle.points, rest_muscle.triangles, 0.0
         self.once("embedded", inputs, EmbeddedPoints).keep_within(moved, deformed_muscle.points)
         self.report_progress(1.0)
@@ -195,7 +189,6 @@ def _on_bone(muscle: Surface, ends: Floats) -> Bools:
     fixed_to = muscle.data.GetPointData().GetArray("FixedTo")
     if fixed_to is None:
         return np.zeros(ends.shape[:2], dtype=np.bool_)
-    tree = shared_tree(geometry.points, geometry.triangles)
-    faces, _, apart = tree.nearest(ends.reshape(-1, 3))
+    faces, _, apart = shared_tree(geometry.points, geometry.triangles).nearest(ends.reshape(-1, 3))
     on_bone = (np.asarray(fixed_to) >= 0)[geometry.triangles[faces]].all(axis=1)
     return (on_bone & (apart <= TOUCHING * geometry.mean_edge)).reshape(ends.shape[:2])

@@ -60,7 +60,7 @@ class FibreTubes(Filter):
         """Return the tubes."""
         # Points are not shared: VTK blends the tubes of lines with common points.
         tubes = vtkTubeFilter()
-        tubes.SetInputData(fibres.copy())
+        tubes.SetInputData(fibres.moved(fibres.points))
         tubes.SetRadius(self.radius)
         tubes.SetNumberOfSides(self.sides)
         tubes.CappingOn()

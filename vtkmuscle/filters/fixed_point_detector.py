@@ -99,17 +99,17 @@ class FixedPointDetector(Filter):
 
     def execute(self, muscle: Surface, bones: Bones, attachments: Areas | None) -> vtkPolyData:
         """Return the muscle with its fixed points marked."""
-        if self.method == "attachment":
-            claims = self._by_attachment(muscle, bones, attachments)
-        else:
-            claims = self._by_distance(muscle, bones)
+        by_area = self.method == "attachment"
+        claims = (
+            self._by_attachment(muscle, bones, attachments) if by_area else self._by_distance(muscle, bones)
+        )
         fixed_to = np.full(len(muscle.points), -1, dtype=np.int32)
         nearest = np.full(len(muscle.points), np.inf)
         for bone, ids, distances in claims:
             closer = distances < nearest[ids]
             nearest[ids[closer]] = distances[closer]
             fixed_to[ids[closer]] = bone
-        if self.method != "attachment" and (fixed_to < 0).all():
+        if not by_area and (fixed_to < 0).all():
             problem = f"no point of the muscle is within {self._within(muscle):.4g} of a bone"
             remedy = "give a larger distance, or landmarks and the method 'attachment'"
             if self.method == "collision":

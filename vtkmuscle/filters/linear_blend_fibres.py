@@ -5,7 +5,6 @@ from __future__ import annotations
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.motion.blending import blend_fibres
 from vtkmuscle.data.arrays import Polylines, add_arrays
 from vtkmuscle.data.moving_bones import MovingBones
@@ -86,7 +85,7 @@ class LinearBlendFibres(Filter):
         ends = ("origin", self.origin, 0), ("insertion", self.insertion, -1)
         first, last = (bones.transforms[self._index(list(bones.surfaces), *end)] for end in ends)
         result = rest_fibres.moved(blend_fibres(points, offsets, first, last, self.a))
-        cells = {"RestLength": polyline_lengths(points, offsets)}
+        cells = {"RestLength": rest_fibres.lengths}
         return add_arrays(result, cells=cells, fields={"BlendA": self.a})
 
     @staticmethod

@@ -9,7 +9,6 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.levers import differences_by, interval_among
 from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, known_coordinates
 from vtkmuscle.core.motion.coordinates import ANGLES, MILLIMETRES, Coordinate
@@ -114,7 +113,8 @@ class MomentArms(Filter):
         lengths = None if of_paths else self._lengths_over_time()
         now = float(motion.times[-1]) if self.request_time is None else self.request_time
         again = input_at(self, 0, now) if self._steps else None
-        result = (fibres if again is None else polylines_of(again, "fibres")).copy()
+        lines = fibres if again is None else polylines_of(again, "fibres")
+        result = lines.moved(lines.points)
         now = float(np.clip(now, motion.times.min(), motion.times.max()))
         names = known_coordinates(motion)
         arms: Mapping[str, Floats] = {}
@@ -143,8 +143,7 @@ class MomentArms(Filter):
                 data = input_at(self, 0, time)
                 if data is None:
                     raise RuntimeError(f"MomentArms: the fibres at time {time:g} could not be computed")
-                lines = polylines_of(data, f"fibres at time {time:g}")
-                rows.append(polyline_lengths(lines.points, lines.offsets))
+                rows.append(polylines_of(data, f"fibres at time {time:g}").lengths)
                 if len(rows[-1]) != len(rows[0]):
                     problem = f"at time {time:g} there are {len(rows[-1])}, at first {len(rows[0])}"
                     raise InputError("fibres", problem, "connect the same fibres at all times")
@@ -172,6 +171,5 @@ def _resampled(motion: RigidMotion, times: Floats) -> RigidMotion:
     transforms = {bone: np.array([pose[bone] for pose in poses]) for bone in motion.transforms}
     coordinates = {}
     for name, old in motion.coordinates.items():
-        values = np.interp(times, motion.times, old.values)
-        coordinates[name] = Coordinate(values, old.unit, old.positive)
+        coordinates[name] = Coordinate(np.interp(times, motion.times, old.values), old.unit, old.positive)
     return RigidMotion(times, transforms, motion.centre, coordinates)

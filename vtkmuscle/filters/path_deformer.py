@@ -9,7 +9,6 @@ from vtkmodules.vtkCommonExecutionModel import vtkDemandDrivenPipeline, vtkExecu
 
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fibres.embedding import EmbeddedPoints
-from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle, CarriedPose
 from vtkmuscle.data.arrays import Polylines, add_arrays, state_of
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
@@ -156,8 +155,7 @@ class PathDeformer(Filter):
         made_from = fixed, rest, rest_bones.shapes, self.bone_clearance
         with errors_at("muscle"):
             carried = self.once("carried", made_from, CarriedMuscle)
-        port = self._number_of("neighbours")
-        upstream = state_of_inputs(self, [] if neighbours is None else [port])
+        upstream = state_of_inputs(self, [] if neighbours is None else [self._number_of("neighbours")])
         beside = self.once("neighbours", (fixed.points, upstream), lambda rest, _: Neighbours(rest))
 
         def posed(*_: Any) -> CarriedPose:
@@ -186,6 +184,6 @@ class PathDeformer(Filter):
         moved = carried.fibre_points(pose)
         moved += embedded.moved(pose.surface - pose.carried, self.report_progress)
         embedded.keep_within(moved, pose.surface)
-        cells = {"RestLength": polyline_lengths(fibres.points, fibres.offsets)}
+        cells = {"RestLength": fibres.lengths}
         fields = {"PointsOutside": embedded.n_outside}
         return result, add_arrays(fibres.moved(moved), cells=cells, fields=fields)

@@ -137,8 +137,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
             made_from = rest, Parameters(**of_solver), more, count
             solver, levels = self.once("solver", made_from, self._made)
         # The neighbours' shapes at rest belong to the inputs.
-        of_inputs = self._made_with, *levels
-        beside = self.once("neighbours", of_inputs, lambda _, *rests: Neighbours(*rests))
+        beside = self.once("neighbours", (self._made_with, *levels), lambda _, *rests: Neighbours(*rests))
 
         def advance(before: State | None, bones: MovingBones, start: Surface | None, near: Any) -> State:
             """Return the state after another one."""

@@ -104,9 +104,8 @@ class TemplateFitter(Filter):
     ) -> vtkPolyData:
         """Return the fitted template."""
         areas = _area(template.data, _AREAS[0]), _area(template.data, _AREAS[1])
-        origin, insertion = (
-            np.vstack([area.landmarks for area in areas_of_role(attachments, role)]) for role in ROLES
-        )
+        sides = (areas_of_role(attachments, role) for role in ROLES)
+        origin, insertion = (np.vstack([area.landmarks for area in side]) for side in sides)
         landmarks = origin, insertion
         points, guide = muscle.points[np.unique(muscle.triangles)], None
         if superficial is not None:

@@ -154,8 +154,7 @@ def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
     if complaint:
         raise InputError(path, f"the file cannot be read as {path.suffix}: {complaint}", _REMEDY)
     if kind != "vtkPolyData":
-        problem = f"the file contains {kind or 'no data'}, not a surface"
-        raise InputError(path, problem, "save a surface mesh")
+        raise InputError(path, f"the file contains {kind or 'no data'}, not a surface", "save a surface mesh")
     again = vtkPolyDataReader()
     again.ReadFromInputStringOn()
     again.SetBinaryInputString(content, len(content))  # type: ignore[arg-type]

@@ -125,8 +125,8 @@ def _poses(
         raise InputError(path, f"{where[row]}: {problem}", remedy)
     transforms = np.stack([column(name) for name in TRANSFORM_COLUMNS], axis=1).reshape(-1, 4, 4)
     for row in np.flatnonzero(~are_rigid(transforms)):
-        why = _why_not_rigid(transforms[row])
-        raise InputError(path, f"{where[row]}: the transform is not rigid: {why}")
+        problem = f"the transform is not rigid: {_why_not_rigid(transforms[row])}"
+        raise InputError(path, f"{where[row]}: {problem}")
     return times, transforms, {name: column(name) for name in columns}
 
 

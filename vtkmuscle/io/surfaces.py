@@ -16,7 +16,7 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle.core.errors import InputError, check_is_file
 from vtkmuscle.data import toml_table
-from vtkmuscle.data.arrays import joined_triangles, points_of, with_points
+from vtkmuscle.data.arrays import joined_triangles, points_of, shallow_copy, with_points
 from vtkmuscle.io.in_child import read_in_child, vtk_messages
 from vtkmuscle.io.writing import insert_before, write_polydata, write_text
 from vtkmuscle.io.xml_elements import read_xml
@@ -50,8 +50,7 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
     suffix = path.suffix.lower()
     if suffix not in SURFACE_SUFFIXES:
         problem = f"the suffix {path.suffix!r} is not one of {', '.join(SURFACE_SUFFIXES)}"
-        remedy = "convert the file, e.g. with ParaView or pyvista.read(...).save(...)"
-        raise InputError(path, problem, remedy)
+        raise InputError(path, problem, "convert the file, e.g. with ParaView or pyvista.read(...).save(...)")
     check_is_file(path)
     data = read_in_child(path, *FORMATS["readers"][suffix])
     if data.GetNumberOfPoints() == 0:
@@ -95,12 +94,10 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
         remedy = "export the muscle or bone as a surface mesh"
         raise InputError(str(path), "the file holds no triangles", remedy)
     if data.GetNumberOfVerts() + data.GetNumberOfLines():
-        surface = vtkPolyData()
-        surface.ShallowCopy(data)
-        surface.SetVerts(vtkCellArray())
-        surface.SetLines(vtkCellArray())
-        surface.GetCellData().Initialize()
-        data = surface
+        data = shallow_copy(data)
+        data.SetVerts(vtkCellArray())
+        data.SetLines(vtkCellArray())
+        data.GetCellData().Initialize()
     with vtk_messages():
         result, changes = joined_triangles(data)
     if changes:

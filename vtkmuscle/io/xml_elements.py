@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
@@ -70,10 +70,6 @@ class Element:
             raise self.error(f"has no {' or '.join(tags)}")
         return child
 
-    def words(self, tag: str) -> list[str]:
-        """Return the words in a child, if any."""
-        return self.word(tag).split()
-
     def word(self, *tags: str) -> str:
         """Return the text of a child, or ""."""
         child = self.find(*tags)
@@ -99,27 +95,22 @@ class Element:
 
     def flag(self, tag: str, *, default: bool = False) -> bool:
         """Return the boolean in a child, or the default."""
-        child = self.find(tag)
-        if child is None or not child.text.strip():
-            return default
-        word = child.text.strip().lower()
-        if word not in ("true", "false"):
-            raise child.error(f"holds {quoted(word)}, but must hold true or false")
-        return word == "true"
+        word = self.word(tag).lower()
+        if word not in ("true", "false", ""):
+            raise self.need(tag).error(f"holds {quoted(word)}, but must hold true or false")
+        return word == "true" if word else default
 
     def within(self, tag: str) -> list[Element]:
         """Return the elements in a child; for a set, its objects."""
         child = self.find(tag)
         if child is None:
             return []
-        return list(child.objects()) if tag.endswith("Set") else child.children
+        return child.objects() if tag.endswith("Set") else child.children
 
-    def objects(self) -> Iterator[Element]:
-        """Yield the elements in a set's ``objects``."""
+    def objects(self) -> list[Element]:
+        """Return the elements in a set's ``objects``."""
         self.only(("objects", "groups"))
-        holder = self.find("objects")
-        if holder is not None:
-            yield from holder.children
+        return self.within("objects")
 
 
 def of_kind(tag: str, elements: Sequence[Element]) -> Sequence[Element]:

@@ -144,7 +144,7 @@ def _spatial_transform(element: Element) -> tuple[list[JointAxis], list[JointAxi
 
 def _only_coordinate(element: Element, tag: str) -> str | None:
     """Return the only name in a child, or None."""
-    names = element.words(tag)
+    names = element.word(tag).split()
     if len(names) > 1:
         raise element.error(f"depends on {len(names)} coordinates, but only functions of 1 are supported")
     return names[0] if names else None

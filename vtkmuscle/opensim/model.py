@@ -191,7 +191,7 @@ def _point(element: Element, frames: osim.Frames) -> PathPoint:
 
 
 def _function_path(element: Element) -> PointPath | FunctionPath:
-    names = [last_part(path) for path in element.words("coordinate_paths")]
+    names = [last_part(path) for path in element.word("coordinate_paths").split()]
     bare = [child for child in element.children if child.name == "length_function"]
     functions = element.within("length_function") or bare
     if [each.tag for each in functions] != ["MultivariatePolynomialFunction"]:

@@ -65,11 +65,6 @@ def sacrum() -> Solid:
     return union([ala, first_body, thick_curve(*shape["spines"])], 12.0)
 
 
-def femur(head_radius: float = HEAD_RADIUS) -> Solid:
-    """Return the upper femur, sawn off below; the head has a radius [mm]."""
-    return upper_femur(head_radius).beside((0, 0, -240), (0, 0, -1), 3.0)
-
-
 def upper_femur(head_radius: float = HEAD_RADIUS) -> Solid:
     """Return the upper femur, to be cut or joined below z = -235."""
     return union([ball((0, 0, 0), head_radius), *_parts("femur")], 9.0)
@@ -154,15 +149,15 @@ def hip_parts(
     head_radius: float, detail: float
 ) -> tuple[dict[str, Surface], dict[str, Surface], dict[str, list[AttachmentArea]]]:
     """Return bones, muscles and areas of :func:`hip`, by name."""
-    solids = {"pelvis": pelvis(head_radius), "femur": femur(head_radius)}
+    sawn_off = upper_femur(head_radius).beside((0, 0, -240), (0, 0, -1), 3.0)
+    solids = {"pelvis": pelvis(head_radius), "femur": sawn_off}
     shapes = SHAPES["muscles"]
     sheets = {name: _sheet(shape, solids) for name, shape in shapes.items()}
     bellies = {}
     for name, sheet in sheets.items():
         half_thickness = np.outer(shapes[name]["half_thickness"], ACROSS)
         bellies[name] = beside_bones(thick_sheet(sheet, half_thickness), *solids.values())
-    maximus = bellies["gluteus_maximus"].without(bellies["gluteus_medius"], CUT, gap=1.0)
-    bellies["gluteus_maximus"] = maximus
+    bellies["gluteus_maximus"] = bellies["gluteus_maximus"].without(bellies["gluteus_medius"], CUT, gap=1.0)
     sizes = ("pelvis", 4.0, 14000), ("femur", 3.5, 7000)
     bones = {name: mesh_of(solids[name], spacing, round(size * detail)) for name, spacing, size in sizes}
     count = round(3000 * detail)

@@ -76,8 +76,7 @@ def smooth_minimum(
     overlap = np.maximum(1.0 - np.abs(a - b) / blend, 0.0) if blend > 0 else np.zeros_like(a)
     share = np.where(a < b, overlap / 2.0, 1.0 - overlap / 2.0)[:, None]
     value: Floats = np.minimum(a, b) - blend * overlap * overlap / 4.0
-    slope: Floats = (1.0 - share) * slope_a + share * slope_b
-    return value, slope
+    return value, (1.0 - share) * slope_a + share * slope_b
 
 
 def union(solids: Sequence[Solid], blend: float) -> Solid:
@@ -109,8 +108,7 @@ def thick_curve(knots: ArrayLike, radii: ArrayLike, *, spacing: float = 3.0) -> 
 
     The union of balls at knots (k, 3), k >= 2, and between, with radii (k,), every ``spacing`` mm.
     """
-    nodes = np.column_stack([_vector(knots), _vector(radii)])
-    return _thickened(nodes[:, None, :], spacing)
+    return _thickened(np.column_stack([_vector(knots), _vector(radii)])[:, None], spacing)
 
 
 def thick_sheet(knots: ArrayLike, half_thickness: ArrayLike, *, spacing: float = 3.0) -> Solid:

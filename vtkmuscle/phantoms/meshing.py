@@ -106,5 +106,4 @@ def box(lower: ArrayLike, upper: ArrayLike, spacing: float) -> tuple[Floats, Int
             faces.append(corners[np.arange(len(i))[:, None, None], split].reshape(-1, 3))
     corners = np.vstack(faces)
     places, ids = np.unique(corners, axis=0, return_inverse=True)
-    points: Floats = low + places / counts * (high - low)
-    return points, ids.reshape(-1, 3).astype(np.int64)
+    return low + places / counts * (high - low), ids.reshape(-1, 3).astype(np.int64)

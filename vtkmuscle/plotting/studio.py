@@ -222,8 +222,7 @@ class Studio:
             self._renderer.RemoveActor(actor)
         for actor in actors:
             actor.ReleaseGraphicsResources(self._window)
-        image: NDArray[np.uint8] = np.asarray(fine.reduce(FINER))[::-1, :, :3]
-        return image
+        return np.asarray(fine.reduce(FINER))[::-1, :, :3]
 
     def _moved(self, bones: views.DrawnBones | None, transforms: Mapping[str, Floats]) -> Iterator[vtkActor]:
         for name, bone in {} if bones is None else bones.by_name.items():

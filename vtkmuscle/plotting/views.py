@@ -215,8 +215,7 @@ def merged(surfaces: Iterable[vtkPolyData]) -> vtkPolyData:
     append = vtkAppendPolyData()
     for surface in surfaces:
         append.AddInputData(surface)
-    append.Update()
-    together: vtkPolyData = append.GetOutput()
+    together: vtkPolyData = append.update().output
     return together
 
 

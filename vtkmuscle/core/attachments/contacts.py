@@ -130,8 +130,7 @@ def _spans(graph: csr_array, gaps: Mapping[str, Floats], far: float, between: Se
     pairs = [pair for pair in combinations(in_reach, 2) if set(between) <= set(pair)]
     if not pairs:
         listed = ", ".join(f"{bone!r} ({least[bone]:.3g})" for bone in sorted(least, key=least.__getitem__))
-        problem = f"the muscle is near fewer than two bones; distances: {listed}"
-        raise InputError("", problem, REMEDY)
+        raise InputError("", f"the muscle is near fewer than two bones; distances: {listed}", REMEDY)
     return sorted((_span(graph, gaps, pair) for pair in pairs), key=lambda span: -span.score)
 
 

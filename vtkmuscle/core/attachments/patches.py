@@ -173,8 +173,7 @@ def _enclosed(
     if len(at_loop) < 2:
         return np.zeros(0, dtype=np.int64)
     areas = np.linalg.norm(triangle_normals(points, triangles), axis=1) / 2.0
-    part_areas = np.bincount(labels, weights=areas)
-    largest = at_loop[np.argmax(part_areas[at_loop])]
+    largest = at_loop[np.argmax(np.bincount(labels, weights=areas)[at_loop])]
     inside = np.isin(labels, at_loop) & (labels != largest)
     outside = labels == largest
     share = areas[inside].sum() / (areas[inside].sum() + areas[outside].sum())

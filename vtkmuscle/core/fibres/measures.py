@@ -71,15 +71,13 @@ def group_fibres(lengths: Floats, count: int) -> Ints:
     their lengths. Few or similar fibres give fewer groups.
     """
     changes = (lengths - lengths.mean(axis=0)).T
-    distinct = len(np.unique(changes.round(12), axis=0))
-    count = max(1, min(count, distinct))
+    count = max(1, min(count, len(np.unique(changes.round(12), axis=0))))
     if count == 1:
         return np.zeros(len(changes), dtype=np.int64)
     _, labels = kmeans2(changes, count, minit="++", rng=np.random.default_rng(0), missing="warn")
     # Groups are numbered by their first fibre, without empty groups.
     _, first, plain = np.unique(labels, return_index=True, return_inverse=True)
-    rank = np.argsort(np.argsort(first))
-    return rank[plain].astype(np.int64)
+    return np.argsort(np.argsort(first))[plain].astype(np.int64)
 
 
 #: Stations along each fibre; number of stations from an end to the station compared with the end.

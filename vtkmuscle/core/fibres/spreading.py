@@ -81,8 +81,7 @@ def cloud(samples: Floats) -> Cloud:
     samples = samples[space_order(samples)]  # neighbours in sequence find the same nodes in the cache
     about = samples - samples.mean(axis=0)
     spread = about.T @ about / len(samples)
-    volume = float(np.sqrt(12.0**3 * max(float(np.linalg.det(spread)), 0.0)))
-    return Cloud(samples, volume)
+    return Cloud(samples, float(np.sqrt(12.0**3 * max(float(np.linalg.det(spread)), 0.0))))
 
 
 def steps_to_centres(points: Floats, offsets: Ints, within: Cloud) -> Floats:

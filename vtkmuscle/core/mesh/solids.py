@@ -214,8 +214,7 @@ def _consistent(triangles: Ints) -> tuple[Ints, int]:
     both_turned = np.column_stack([first + count, second + count - across])
     labels = point_components(2 * count, np.vstack([unturned, both_turned])).reshape(2, count)
     turn, part = labels[0] > labels[1], labels.min(axis=0)
-    most = np.bincount(part, weights=turn) > 0.5 * np.bincount(part)
-    turn ^= most[part]
+    turn ^= (np.bincount(part, weights=turn) > 0.5 * np.bincount(part))[part]  # the most keep their side
     result = triangles.copy()
     result[turn] = result[turn][:, ::-1]
     return result, int(turn.sum())
@@ -307,8 +306,8 @@ def solids_of(points: Floats, triangles: Ints) -> Solids:
     a coordinate is not finite.
     """
     closed = closed_shells(points, triangles)
-    parts = [part for part, solid in zip(closed.shells, closed.solid, strict=True) if solid]
-    sheets = [part for part, solid in zip(closed.shells, closed.solid, strict=True) if not solid]
+    shells = list(zip(closed.shells, closed.solid, strict=True))
+    parts, sheets = ([part for part, solid in shells if solid == kind] for kind in (True, False))
     groups = _disjoint_groups(closed.points, parts)
     trees = tuple(triangle_tree(closed.points, np.concatenate(group)) for group in groups)
     flat = triangle_tree(closed.points, np.concatenate(sheets)) if sheets else None

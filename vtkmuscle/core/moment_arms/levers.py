@@ -219,8 +219,7 @@ def length_jumps(
     count = max(len(lengths) - 1, 0)
     jumps = np.zeros((count, lengths.shape[1]))
     durations, middles = np.diff(times), (times[1:] + times[:-1]) / 2.0
-    steps = np.diff(lengths, axis=0)
-    velocities = steps / durations[:, None]
+    velocities = np.diff(lengths, axis=0) / durations[:, None]
     stretch = np.zeros(count, dtype=np.int64) if stretches is None else stretches
     for i in range(count):
         window = np.arange(max(i - N_NEIGHBOURS, 0), min(i + N_NEIGHBOURS + 1, count))

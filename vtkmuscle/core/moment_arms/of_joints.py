@@ -129,8 +129,7 @@ def quartic_moment_arms(
     q, wanted = (2.0 * (x - low) / (high - low) - 1.0 for x in (coordinate, coordinate if at is None else at))
     fits = polyfit(q, lengths, QUARTIC)
     arms = -2.0 / (high - low) * polyval(wanted, polyder(fits)).T
-    left = polyval(q, fits).T - lengths
-    return arms, np.sqrt((left**2).mean(axis=0))
+    return arms, np.sqrt(((polyval(q, fits).T - lengths) ** 2).mean(axis=0))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

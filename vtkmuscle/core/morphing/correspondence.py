@@ -75,8 +75,7 @@ def followed_starts(stack: LoopStack, guides: LoopStack, continuity: float, corn
     """
     if continuity == 0.0 or not len(guides.loops):
         return starting_points(stack, continuity, corner)
-    starts = starting_points(guides, continuity, corner)
-    offsets = starts - boundary_centroids(guides.loops)
+    offsets = starting_points(guides, continuity, corner) - boundary_centroids(guides.loops)
     between = [np.interp(stack.levels, guides.levels, column) for column in offsets.T]
     return np.asarray(boundary_centroids(stack.loops) + np.column_stack(between))
 

@@ -76,12 +76,12 @@ def path_levers(
     def lever(twist: Floats) -> Floats:
         velocity, by_loads = np.zeros_like(points), np.zeros_like(points)
         for bone, share in zip(touched, parts, strict=True):
-            turn = _skew(twist[bone, 3:])
-            with_bone = points @ turn.T + twist[bone, :3]
+            turned_axes = np.cross(twist[bone, 3:], np.eye(3))
+            with_bone = points @ turned_axes + twist[bone, :3]
             velocity += share[..., None] * with_bone
             if bone in loads:  # which go with it, and turn with it
                 force, stiffness = loads[bone]
-                by_loads += np.einsum("fnij,fnj->fni", stiffness, with_bone) + force @ turn.T
+                by_loads += np.einsum("fnij,fnj->fni", stiffness, with_bone) + force @ turned_axes
         gradient = change(velocity)
         gradient[:, 1:-1] -= by_loads[:, 1:-1]
         part = -float(np.vdot(gradient, along_drift)) / (float(np.vdot(along_drift, along_drift)) or 1.0)
@@ -105,12 +105,6 @@ def path_levers(
     for number in np.flatnonzero(relative[:, touched].any(axis=(1, 2))):
         levers[number] = lever(relative[number])
     return levers
-
-
-def _skew(vector: Floats) -> Floats:
-    """Return the matrix of the cross product with a vector (3,)."""
-    x, y, z = vector
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def _moved_by(twist: Floats, transforms: Floats) -> Floats:

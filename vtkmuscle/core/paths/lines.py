@@ -124,8 +124,7 @@ def _steepest(points: Floats, edges: Ints, height: Floats, fixed_to: Ints) -> In
     # Of equally steep edges the one to the last point counts, whatever rounding says.
     steps = np.round(slope / (EQUALLY_STEEP * max(slope.max(), _TINY)))
     order = np.lexsort((both[:, 1], steps, both[:, 0]))
-    last = np.flatnonzero(np.append(np.diff(both[order, 0]) > 0, True))
-    steepest = order[last]
+    steepest = order[np.append(np.diff(both[order, 0]) > 0, True)]  # the last of each point
     onward = np.arange(len(points))
     rising = steepest[(slope[steepest] > 0) & (fixed_to[both[steepest, 0]] < 0)]
     onward[both[rising, 0]] = both[rising, 1]

@@ -70,8 +70,7 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     usual = float(np.median(across)) if len(across) else 0.0
     apart = (across > SAME * length) & (across > TOO_NEAR * usual)
     spacing = np.maximum(across[apart], LEAST_SPACING * usual)
-    stiffness = (length / (spacing * (n - 1))) ** 2
-    moduli = np.outer(stiffness, (MODULUS, SHEAR_MODULUS))
+    moduli = np.outer((length / (spacing * (n - 1))) ** 2, (MODULUS, SHEAR_MODULUS))
     return Neighbours(pairs[apart], across[apart], ahead[apart], moduli)
 
 
@@ -122,8 +121,7 @@ def _ahead_and_across(points: Floats, tangents: Floats, one: Ints, other: Ints) 
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), np.finfo(float).tiny)
     ways = points[one] - points[other]
     ahead: Floats = np.einsum("mi,mi->m", ways, along)
-    across: Floats = np.linalg.norm(ways - ahead[:, None] * along, axis=1)
-    return ahead, across
+    return ahead, np.asarray(np.linalg.norm(ways - ahead[:, None] * along, axis=1))
 
 
 def path_lengths(points: Floats) -> Floats:

@@ -332,5 +332,4 @@ def farthest_of(ways: Floats) -> float:
 def _turned(stiffness: Floats, turn: Floats) -> Floats:
     """Return matrices in turned axes, T A T^T. Symmetric matrices A (f, n, 3, 3)."""
     half = (stiffness.reshape(-1, 3) @ turn.T).reshape(-1, 3, 3)
-    whole: Floats = half.transpose(0, 2, 1).reshape(-1, 3) @ turn.T
-    return whole.reshape(stiffness.shape)
+    return np.asarray((half.transpose(0, 2, 1).reshape(-1, 3) @ turn.T).reshape(stiffness.shape))

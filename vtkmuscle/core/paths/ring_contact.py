@@ -36,8 +36,7 @@ def rings_at(
     moved = [moved_ring(ring, transforms[bone]) for bone, ring in rings]
     frames = np.array([[ring.centre - middle, ring.normal, *ring.axes] for ring in moved]).reshape(-1, 4, 3)
     corners = np.concatenate([np.empty((0, 2)), *(ring.corners for ring in moved)])
-    offsets = np.cumsum([0, *(len(ring.corners) for ring in moved)])
-    return Rings(frames, corners, offsets, outside)
+    return Rings(frames, corners, np.cumsum([0, *(len(ring.corners) for ring in moved)]), outside)
 
 
 @kernel
@@ -87,7 +86,11 @@ def add_rings(
             i = points[ring, a]
             if i == 0:
                 continue
-            height, u, v, way, at_corner = outside_at(frame, corners, x[a, i])
+            height, s, t = 0.0, 0.0, 0.0
+            for c in range(3):
+                away = x[a, i, c] - frame[0, c]
+                height, s, t = height + away * frame[1, c], s + away * frame[2, c], t + away * frame[3, c]
+            u, v, way, at_corner = way_to_edge(corners, s, t)
             force, stiff = pressure_at(rings.outside[ring, a] - way + rounding, push, rounding)
             for c in range(3):
                 gradient[a, i, c] += push * height * frame[1, c]
@@ -107,16 +110,6 @@ def _in_space(frame: Floats, p: float, q: float) -> tuple[float, float, float]:
     """Return a ring plane's direction (p, q) in space."""
     first, second = frame[2], frame[3]
     return p * first[0] + q * second[0], p * first[1] + q * second[1], p * first[2] + q * second[2]
-
-
-@kernel
-def outside_at(frame: Floats, corners: Floats, at: Floats) -> tuple[float, float, float, float, bool]:
-    """Return a point's height and way to the edge. As of :func:`way_to_edge`, along the axes."""
-    height, s, t = 0.0, 0.0, 0.0
-    for c in range(3):
-        away = at[c] - frame[0, c]
-        height, s, t = height + away * frame[1, c], s + away * frame[2, c], t + away * frame[3, c]
-    return (height, *way_to_edge(corners, s, t))
 
 
 @kernel

@@ -102,8 +102,7 @@ class PathState:
         if pose is None:
             pose = SheetPose(self.sheet, self.transforms, self.points, self.ring_points)
             pose.look_at(pose.x)
-        by_twist = np.array(list(twists.values()))
-        return dict(zip(twists, pose.levers(by_twist, self.drift), strict=True))
+        return dict(zip(twists, pose.levers(np.array(list(twists.values())), self.drift), strict=True))
 
     @property
     def nbytes(self) -> int:

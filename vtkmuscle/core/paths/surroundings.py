@@ -183,8 +183,7 @@ def tissue_between(
     shape = points.shape[:2]
     at, along = points.reshape(-1, 3), tangents.reshape(-1, 3)
     distance, outward = bone.exact(at)
-    ahead = np.einsum("ij,ij->i", outward, along)
-    beside = -(outward - ahead[:, None] * along)
+    beside = np.einsum("ij,ij->i", outward, along)[:, None] * along - outward
     size = np.linalg.norm(beside, axis=1)
     sure = size >= LEAST_BESIDE
     beside[sure] /= size[sure, None]

@@ -66,9 +66,13 @@ def via_ring(landmarks: Floats) -> ViaRing:
         problem = "the landmarks of a via ring lie on a line, or the ring crosses itself"
         raise InputError("", problem, "give the landmarks in order, once round the muscle")
     normal = area / size
-    axes = _axes_across(normal, away)
-    flat = away @ axes.T
-    centroid = _centroid(flat)
+    first = away[int(np.linalg.norm(np.cross(away, normal), axis=1).argmax())]  # the farthest across
+    first = first - (first @ normal) * normal
+    first = first / np.linalg.norm(first)
+    axes = np.array([first, np.cross(normal, first)])
+    flat, flat_following = away @ axes.T, following @ axes.T
+    areas = _cross(flat, flat_following)
+    centroid = areas @ (flat + flat_following) / (3.0 * areas.sum())
     corners = flat - centroid
     heights = np.abs(away @ normal)
     radius = float(np.linalg.norm(corners, axis=1).mean())
@@ -143,21 +147,6 @@ def nearest_on_polygon(corners: Floats, x: float, y: float) -> tuple[float, floa
         if squared < best:
             best, best_x, best_y, is_corner = squared, px, py, part in (0.0, 1.0)
     return best_x, best_y, is_corner
-
-
-def _axes_across(normal: Floats, away: Floats) -> Floats:
-    """Return unit vectors (2, 3) across a normal. The first points towards the farthest landmark."""
-    first = away[int(np.linalg.norm(np.cross(away, normal), axis=1).argmax())]
-    first = first - (first @ normal) * normal
-    first = first / np.linalg.norm(first)
-    return np.array([first, np.cross(normal, first)])
-
-
-def _centroid(corners: Floats) -> Floats:
-    """Return the centroid (2,) of a polygon's area."""
-    following = np.roll(corners, -1, axis=0)
-    turns = _cross(corners, following)
-    return np.asarray(turns @ (corners + following) / (3.0 * turns.sum()))
 
 
 def _cross(a: Floats, b: Floats) -> Floats:

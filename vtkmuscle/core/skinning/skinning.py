@@ -188,8 +188,7 @@ def falling_weights(distances: Floats, least: float) -> Floats:
     Distances are (m, k), ascending; the last weight is 0, and rows sum to 1. Distances below ``least`` count
     as equal.
     """
-    width = np.maximum(distances[:, -1:] / 2.0, least)
-    values = np.exp(-0.5 * (distances / width) ** 2)
+    values = np.exp(-0.5 * (distances / np.maximum(distances[:, -1:] / 2.0, least)) ** 2)
     # Rounding decides the last of several neighbours at an equal distance: with a weight of 0 the choice does
     # not matter. Rows of equal weights stay unchanged.
     less = values - values[:, -1:]
@@ -227,8 +226,7 @@ def _place_beside(points: Floats, path: Floats) -> tuple[Floats, Floats]:
     mean of the path's points, weighted by a Gaussian of the distances as wide as a segment. Beside a straight
     path the mean is the nearest place. A curved path may have two nearest places: the mean does not choose.
     """
-    steps = np.diff(path, axis=0)
-    lengths2 = (steps**2).sum(axis=1)
+    lengths2 = (np.diff(path, axis=0) ** 2).sum(axis=1)
     squared = cdist(points, path, "sqeuclidean")
     ahead = 0.5 * (squared[:, :-1] - squared[:, 1:] + lengths2)
     part = (ahead / np.maximum(lengths2, np.finfo(float).tiny)).clip(0.0, 1.0)

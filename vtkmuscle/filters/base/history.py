@@ -16,21 +16,19 @@ Time = float | None
 MEGABYTE = 10**6
 
 
-def thin(
-    frames: dict[Time, Any], steps: Sequence[float], last: Sequence[Time], *, nbytes: int, memory: float
-) -> None:
-    """Drop frames of `nbytes` each, by time, until they fit into `memory` [bytes].
+def thin(frames: dict[Time, Any], steps: Sequence[float], path: Sequence[Time], memory: float) -> None:
+    """Drop frames, by time, until they fit into `memory` [bytes].
 
     Frames whose index is a multiple of a stride are kept; the stride is the least power of two that fits into
     memory. With room for k of n frames, going back costs at most 2 n / k steps. `steps` are all time steps,
-    in order. Frames between steps go first, because no other frame depends on them. Frames at the times
-    `last` are kept, and not counted.
+    in order. Frames between steps go first, because no other frame depends on them. The last two frames of a
+    path are kept, and not counted, so that playing on never restarts.
     """
+    last, nbytes = path[-2:], frames[path[-1]].nbytes
     number: dict[Time, int] = {time: i for i, time in enumerate(steps)}
     kept, stride = [time for time in frames if time not in last], 1
     while len(kept) * nbytes > memory:
-        fits = nbytes <= memory
-        kept = [time for time in kept if fits and number.get(time, 0.5) % stride == 0]
+        kept = [time for time in kept if nbytes <= memory and number.get(time, 0.5) % stride == 0]
         stride *= 2
     for time in set(frames) - {*kept, *last}:
         del frames[time]
@@ -76,15 +74,15 @@ class HistoryFilter(Filter, Generic[Frame]):
         `arguments` are the arguments of ``execute`` for the moving ports, None for an open port. `advance`
         takes the frame before (None at first) and the moving arguments, and returns the next frame.
         """
-        path = self.path
+        path, memory = self.path, MEGABYTE * self.checkpoint_memory
         for index in range(self._n_stored(path), len(path)):
             self._done = index, len(path)
             before, data = self._frames[path[index - 1]] if index else None, arguments
             if path[index] != self._asked:
                 data = [self.data_at(*port, path[index]) for port in zip(self.moving, arguments, strict=True)]
             self._frames[path[index]] = advance(before, *data)
-            self._thin_out(path[: index + 1])
-        self._thin_out(path)
+            thin(self._frames, self._steps, path[: index + 1], memory)
+        thin(self._frames, self._steps, path, memory)
         return self._frames[path[-1]]
 
     def data_at(self, port: str, argument: Any, time: float | None) -> Any:
@@ -121,8 +119,7 @@ class HistoryFilter(Filter, Generic[Frame]):
             self._frames.clear()
             return 1
         self.request_time = requested_time(outInfo.GetInformationObject(0))
-        missing = self.path[self._n_stored(self.path) :]
-        self._asked = (missing or self.path[-1:])[0]
+        self._asked = (self.path[self._n_stored(self.path) :] or self.path[-1:])[0]
         for number in connected:
             request_time(inInfo[number].GetInformationObject(0), self._asked)
         return 1
@@ -130,8 +127,3 @@ class HistoryFilter(Filter, Generic[Frame]):
     def _n_stored(self, path: Sequence[Time]) -> int:
         """Return the index after a path's last stored frame."""
         return max((i + 1 for i, time in enumerate(path) if time in self._frames), default=0)
-
-    def _thin_out(self, path: Sequence[Time]) -> None:
-        """Drop frames beyond the memory; the last two of a path stay, so that playing on never restarts."""
-        nbytes = self._frames[path[-1]].nbytes  # type: ignore[attr-defined]
-        thin(self._frames, self._steps, path[-2:], nbytes=nbytes, memory=MEGABYTE * self.checkpoint_memory)
