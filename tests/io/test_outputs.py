@@ -137,11 +137,11 @@ def test_init_keeps_landmarks_and_a_corrected_scene(tmp_path, monkeypatch):
         done = vtkmuscle_("init", *meshes, landmarks, "--out", tmp_path, *insist)
         assert refused(done, "would replace an input")
         assert contents(tmp_path) == before
-    (tmp_path / "motion.sto").write_text("mine")
-    assert refused(vtkmuscle_("init", *meshes, "--out", tmp_path), "motion.sto: the file exists")
-    assert contents(tmp_path) == before | {tmp_path / "motion.sto": b"mine"}
-    (tmp_path / "motion.sto").unlink()
     landmarks.unlink()
+    (tmp_path / "volumes.csv").write_text("mine")
+    assert refused(vtkmuscle_("init", *meshes, "--out", tmp_path), "volumes.csv: the file exists")
+    assert (tmp_path / "volumes.csv").read_text() == "mine"
+    (tmp_path / "volumes.csv").unlink()
     for _ in range(2):
         assert vtkmuscle_("init", *meshes, "--out", tmp_path).exit_code == 0
     (tmp_path / "scene.toml").write_text("# corrected")

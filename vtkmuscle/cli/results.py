@@ -57,14 +57,16 @@ def export(
     from vtkmuscle.cli.running import progress_bars
     from vtkmuscle.opensim import check_model
     from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
+    from vtkmuscle.run import RunOptions
 
     names = ["into", "overwrite", "groups", "specific_tension", *["form"] * (out.suffix.lower() == ".osim")]
     settings: dict[str, Any] = {name: getattr(options, name) for name in names}
     settings |= {"kind": GEOMETRY_ONLY} if options.geometry_only else {}
     masses = {body: _kilograms(text) for body, text in shared.pairs(options.mass, "--mass").items()}
-    settings |= {"replace": shared.pairs(options.replace), "masses": masses, "workers": None}
+    settings |= {"replace": shared.pairs(options.replace), "masses": masses}
     with progress_bars() as progress:
-        muscles = vtkmuscle.export(source, out, progress=progress, **settings)
+        run_options = RunOptions(workers=None, progress=progress)
+        muscles = vtkmuscle.export(source, out, run_options=run_options, **settings)
     for muscle in muscles:
         typer.echo(f"{muscle.out.name}: {muscle}")
         if parameters := muscle.out.parameters:

@@ -30,7 +30,7 @@ from vtkmuscle.opensim.mjcf import mjcf_of
 from vtkmuscle.opensim.model import checked_model
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PointPath, moment_arm
 from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
-from vtkmuscle.run.frames import Progress, RunOptions
+from vtkmuscle.run.frames import RunOptions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.steps import paths_alone, run_scene
 from vtkmuscle.run.table import Table
@@ -92,8 +92,7 @@ def export(
     into: str | PathLike[str] | None = None,
     replace: Mapping[str, str] | None = None,
     overwrite: bool = False,
-    workers: int | None = 1,
-    progress: Progress | None = None,
+    run_options: RunOptions | None = None,
     **options: Any,
 ) -> list[ExportedMuscle]:
     """Write the muscles of a scene with joints to OpenSim or MuJoCo, and return them with errors.
@@ -118,8 +117,8 @@ def export(
         By muscle of the scene: the model's muscle whose name and properties are reused.
     overwrite : bool, optional
         Whether files from elsewhere are replaced; inputs never are.
-    workers, progress : optional
-        Of the run, if any, as for :class:`~vtkmuscle.run.RunOptions`.
+    run_options : RunOptions, optional
+        Workers and progress of a run, if one is needed.
     **options
         Attributes of :class:`~vtkmuscle.opensim.Export`.
 
@@ -146,7 +145,7 @@ def export(
         if model is not None:
             theirs = checked_model(model)
             reused = {name: theirs.muscle(replaced).parameters for name, replaced in names.items()}
-        run = _run_of(Path(source), result, RunOptions(figures=False, workers=workers, progress=progress))
+        run = _run_of(Path(source), result, run_options or RunOptions())
         if unknown := sorted({*reused, *asked.parameters} - {*run.scene.muscles}):
             problem = f"the scene has no muscle {unknown[0]!r}"
             raise InputError("", problem, f"its muscles are {', '.join(run.scene.muscles)}")

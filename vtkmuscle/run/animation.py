@@ -64,10 +64,10 @@ def write_usd(result: ResultData, path: Path, *, tubes: bool) -> None:
 
 
 def check_format(path: Path) -> None:
-    """Raise an InputError for a file that is not of USD, and an ImportError without usd-core."""
+    """Raise an InputError for a file that is not of USD, or without usd-core."""
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(str(path), "an animation is a file of USD", f"end its name in {', '.join(SUFFIXES)}")
-    optional_package("pxr.Usd", "USD", "usd-core")
+    optional_package("pxr.Usd", "USD", "usd-core", path)
 
 
 class _Stage:
