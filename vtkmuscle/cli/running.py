@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -97,11 +97,16 @@ def progress_bars(
     name, stage = (TextColumn(f"{{task.{word}}}", markup=False) for word in ("description", "fields[stage]"))
     remaining = TimeRemainingColumn(elapsed_when_finished=True)
     columns = (name, BarColumn(), TaskProgressColumn(), stage, remaining)
-    with Progress(*columns, console=Console(stderr=True)) as bars:
-        tasks = {name: bars.add_task(name, total=1.0, stage="waiting", start=False) for name in muscles}
+    bars = Progress(*columns, console=Console(stderr=True))
+    tasks = {name: bars.add_task(name, total=1.0, stage="waiting", start=False) for name in muscles}
+    with ExitStack() as stack:
+        if tasks:
+            stack.enter_context(bars)
 
         def show(muscle: str, stage: str, fraction: float) -> None:
             shared.stop_if_interrupted()
+            if not bars.live.is_started:
+                stack.enter_context(bars)
             if muscle not in tasks:
                 tasks[muscle] = bars.add_task(muscle, total=1.0, stage=stage, start=False)
             # The clock starts with the first frame: earlier stages do not predict the remaining time.
