@@ -171,12 +171,6 @@ class _Child:
         self._process: Any = None
         self._owner = 0
 
-    def start(self) -> None:
-        """Start the process before the first file."""
-        if is_python():
-            with self._lock:
-                self._running()
-
     def ask(self, path: Path, module: str, reader: str) -> tuple[str, str, bytes]:
         """Return class, VTK's complaint and data of a file."""
         if not is_python():
@@ -224,5 +218,4 @@ class _Child:
 
 
 _child = _Child()
-start_reader = _child.start
 atexit.register(_child.close)
