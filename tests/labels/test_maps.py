@@ -118,6 +118,17 @@ def test_a_tendon_reaches_landmarks_that_the_belly_does_not(tmp_path, monkeypatc
     assert replace(scene, deformer="none").run(frames="0:3").verdicts["iliacus"] in ("ok", "look")
 
 
+def test_three_joints_move_one_after_another(drawn, tmp_path):
+    draft = replace(drawn)
+    draft.sweep = dict.fromkeys(["hip_flexion", "knee_flexion", "elbow_flexion"], 60.0)
+    draft.write(tmp_path)
+    angles = np.loadtxt(tmp_path / "motion.sto", skiprows=6)[:, 1:]
+    assert angles[0].max() == 0.0
+    assert (angles.max(axis=0) == 60.0).all()
+    assert np.abs(np.diff(angles, axis=0)).max() == pytest.approx(5.0)
+    assert (angles > 0.0).sum(axis=1).max() == 2
+
+
 def test_a_tendon_is_as_short_as_it_can_be_round_a_bone():
     bone = solids_of(*mesh_of(ball((0, 0, 0), 20.0), 2.0, 8000))
     ends = np.array([(-60.0, 0, 5), (60.0, 0, 5)])

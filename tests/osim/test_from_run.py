@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 import osim_texts as texts
@@ -10,9 +11,10 @@ from commands import vtkmuscle_
 from tiny_scene import HINGE, write_tiny_scene
 from two_joint_scene import save_strap, scene_with
 
-from vtkmuscle import InputError, Scene, SceneError
+from vtkmuscle import InputError, Result, Scene, SceneError
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
+from vtkmuscle.core.paths.pose import SheetPose
 from vtkmuscle.io import read_surface
 from vtkmuscle.opensim import export, read_osim
 from vtkmuscle.opensim.export_parts import SPECIFIC_TENSION, completed_properties
@@ -201,6 +203,26 @@ def test_a_crossed_coordinate_that_stands_still_is_moved_by_the_export(ran, tmp_
             moment_arm(model.muscle("strap").path, model.tree, poses, name) for model in (here, there)
         )
         np.testing.assert_allclose(own, theirs, atol=2e-3)
+
+
+def test_a_pose_in_which_paths_do_not_rest_is_left_out(ran, tmp_path, monkeypatch):
+    settle, calls = SheetPose.settle, count()
+    monkeypatch.setattr(SheetPose, "settle", lambda *given: settle(*given) and next(calls) != 20)
+    grid = {"grid": {"upper": [-10, 30, 5], "lower": [0, 40, 10]}}
+    scene = scene_with(ran[0].parent, tmp_path, motion=grid, deformer="none")
+    result = Scene.load(scene).run()
+    assert np.isnan(result.lengths["strap"]).all(axis=1).sum() == 1
+    (muscle,) = export(scene, tmp_path / "strap.osim", result=result, kind=GEOMETRY_ONLY)
+    assert all(len(off) == 44 and np.isfinite(off).all() for off in muscle.errors.values())
+    assert rms(muscle.errors["length"]) < 0.4
+
+
+def test_a_muscle_that_failed_is_not_exported(ran, results, tmp_path):
+    result = Result.load(results)
+    result.report["muscles"]["strap"]["verdict"]["verdict"] = "failed"
+    with pytest.raises(InputError, match="no muscle of the run has paths and did not fail"):
+        export(ran[0], tmp_path / "strap.osim", result=result)
+    assert not (tmp_path / "strap.osim").exists()
 
 
 def test_a_scene_without_joints_is_not_exported(tmp_path):

@@ -12,7 +12,7 @@ from numpy.polynomial import Polynomial
 from scipy.optimize import least_squares
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.types import Bools, Floats
+from vtkmuscle.core.types import ROUNDING, Bools, Floats
 from vtkmuscle.joints.tree import HALF_STEP, KinematicTree
 from vtkmuscle.opensim import muscle_paths as paths
 from vtkmuscle.opensim.muscle_paths import Columns, Cylinder, FunctionPath, PathPoint, PointPath, powers
@@ -34,7 +34,7 @@ def fit_length(lengths: Floats, values: Columns, arms: Columns | None = None) ->
     grid suffice. The order is the lowest whose held-out error is within 5 % of the best. If no coordinate
     changes, or poses are too few for order 1, a ValueError is raised.
     """
-    moving = {name: column for name, column in values.items() if np.ptp(column) > 1e-9}
+    moving = {name: column for name, column in values.items() if np.ptp(column) > ROUNDING}
     if not moving:
         raise InputError("", "no coordinate changes over the poses")
     samples = np.column_stack(list(moving.values()))

@@ -19,7 +19,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import group_fibres
 from vtkmuscle.core.motion.coordinates import MILLIMETRES
 from vtkmuscle.core.motion.rigid import apply_transform, inverses
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.types import ROUNDING, Floats
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.io import write_text
 from vtkmuscle.io.writing import Outputs, file_digest, write_with
@@ -43,8 +43,6 @@ from vtkmuscle.scenes import Scene
 #: Root mean square error of a point path in lengths and moment arms [m] above which a cylinder is added,
 #: below the accuracy of meshes and landmarks.
 TOLERANCE = 0.5e-3
-#: Change of a coordinate that counts as none [rad, m or the scene's unit].
-_STILL = 1e-9
 _FORMS = ("functions", "points")
 #: Class of a path without muscle properties in OpenSim.
 GEOMETRY_ONLY = "PathActuator"
@@ -97,10 +95,10 @@ def export(
 ) -> list[ExportedMuscle]:
     """Write the muscles of a scene with joints to OpenSim or MuJoCo, and return them with errors.
 
-    Muscles that failed in the run are left out, with a warning.
-    Where the motion does not move a coordinate that a muscle crosses, paths are computed in further poses.
-    Next to the model are ``NAME_errors.csv`` and, for a new model, meshes of bones and muscles in
-    ``Geometry``. In MuJoCo muscles are tendons with actuators.
+    Muscles that failed in the run are left out, with a warning. Where the motion does not move a coordinate
+    that a muscle crosses, paths are computed in further poses. Next to the model are ``NAME_errors.csv`` and,
+    for a new model, meshes of bones and muscles in ``Geometry``. In MuJoCo muscles are tendons with
+    actuators.
 
     Parameters
     ----------
@@ -118,16 +116,16 @@ def export(
     overwrite : bool, optional
         Whether files from elsewhere are replaced; inputs never are.
     run_options : RunOptions, optional
-        Workers and progress of a run, if one is needed.
+        Of a run, if one is needed; all frames are taken.
     **options
         Attributes of :class:`~vtkmuscle.opensim.Export`.
 
     Raises
     ------
     OSError, SceneError, ValueError
-        For another ending of the file; if the scene has no joints or is mirrored; if a muscle has no fibres,
-        crosses a constant coordinate without a range where no coordinate of its unit moves, or leaves
-        no tendon; if the model is not of version 4; or for joints that MuJoCo lacks, see
+        For another ending of the file; if the scene has no joints or is mirrored; if all muscles failed; if a
+        muscle has no fibres, crosses a constant coordinate without a range where no coordinate of its unit
+        moves, or leaves no tendon; if the model is not of version 4; or for joints that MuJoCo lacks, see
         :func:`~vtkmuscle.opensim.mjcf_of`.
     """
     path, model, names = Path(out), None if into is None else Path(into), dict(replace or {})
@@ -145,12 +143,10 @@ def export(
         if model is not None:
             theirs = checked_model(model)
             reused = {name: theirs.muscle(replaced).parameters for name, replaced in names.items()}
-        run = _run_of(Path(source), result, run_options or RunOptions())
-        if unknown := sorted({*reused, *asked.parameters} - {*run.scene.muscles}):
-            problem = f"the scene has no muscle {unknown[0]!r}"
-            raise InputError("", problem, f"its muscles are {', '.join(run.scene.muscles)}")
+        all_frames = with_changes(run_options or RunOptions(), frames=None)
+        run = _run_of(Path(source), result, all_frames, {*reused, *asked.parameters})
         muscles: list[ExportedMuscle] = []
-        for name in (name for name in run.result.lengths if name in run.poses):
+        for name in run.poses:
             hill = parts.opensim_properties(run.scene.muscles[name].hill, run.metres)
             fixed = {**reused.get(name, {}), **hill, **asked.parameters.get(name, {})}
             label, points = names.get(name, name), asked.form == "points" or not is_osim
@@ -209,8 +205,8 @@ class _Run(NamedTuple):
         return with_changes(self.tree, coordinates=own)
 
 
-def _run_of(source: Path, result: Result | None, options: RunOptions) -> _Run:
-    """Return a scene with its results, run if necessary."""
+def _run_of(source: Path, result: Result | None, options: RunOptions, named: set[str]) -> _Run:
+    """Return a scene with muscles ``named``, and its results, run if necessary."""
     path = source
     if source.is_dir():
         result = result or Result.load(source)
@@ -223,6 +219,9 @@ def _run_of(source: Path, result: Result | None, options: RunOptions) -> _Run:
     if table.mirror is not None:
         raise SceneError("mirrored scenes are not exported", "mirror", "export the other side", path)
     scene = Scene.load(path)
+    if unknown := sorted(named - {*scene.muscles}):
+        remedy = f"its muscles are {', '.join(scene.muscles)}"
+        raise InputError("", f"the scene has no muscle {unknown[0]!r}", remedy)
     metres = MILLIMETRES[scene.units] / 1000.0
     if (joints := joints_of(table, files)) is not None:
         _, values = coordinate_values(table, joints.tree, files)
@@ -240,14 +239,18 @@ def _run_of(source: Path, result: Result | None, options: RunOptions) -> _Run:
         crossed[name] = tuple(each for each in on_way if muscle.crosses is None or each in muscle.crosses)
     frames = slice(None) if result is None else list(result.frames)
     values = {name: column[frames] for name, column in values.items()}
-    moving = [name for name, column in values.items() if np.ptp(column) > _STILL]
+    moving = [name for name, column in values.items() if np.ptp(column) > ROUNDING]
     still = {name: tuple(each for each in on_way if each not in moving) for name, on_way in crossed.items()}
     with errors_at("motion", path, "extend the motion, or shorten the crosses of the muscles"):
         moved = {names: _with_moves(joints.tree, values, names) for names in dict.fromkeys(still.values())}
     result = result or run_scene(scene, None, options)
-    whole = [name for name, verdict in result.verdicts.items() if verdict != FAILED]
-    if left_out := [name for name in result.verdicts if name not in whole]:
-        warnings.warn(f"left out of the model: {', '.join(left_out)}, failed in the run", stacklevel=4)
+    failed = [name for name, verdict in result.verdicts.items() if verdict == FAILED]
+    if not (whole := [name for name in result.lengths if name not in failed]):
+        raise InputError(
+            source, "no muscle of the run has paths and did not fail", "see the report of the run"
+        )
+    if failed:
+        warnings.warn(f"left out of the model: {', '.join(failed)}, failed in the run", stacklevel=4)
     poses: dict[str, _Poses] = {}
     for names, columns in moved.items():
         measured, muscles = result, [muscle for muscle in whole if still[muscle] == names]
@@ -257,7 +260,7 @@ def _run_of(source: Path, result: Result | None, options: RunOptions) -> _Run:
             measured = run_scene(alone, None, with_changes(options, sense=False))
         now = {name: factors[name] * column for name, column in columns.items()}
         poses |= dict.fromkeys(muscles, _Poses(measured, now))
-    return _Run(scene, result, joints, tree, metres, ends, crossed, poses)
+    return _Run(scene, result, joints, tree, metres, ends, crossed, {name: poses[name] for name in whole})
 
 
 def _with_moves(tree: KinematicTree, values: Mapping[str, Floats], still: Sequence[str]) -> dict[str, Floats]:
