@@ -301,8 +301,7 @@ def _exported(
             computed = f"{len(each.lengths[name])} of {len(each.frames)} frames"
             raise InputError("", f"muscle {name!r} has {computed}")
     lengths, arms = measured.lengths[name], measured.moment_arms()[name]
-    # Where paths do not come to rest they have no lengths, and no moment arms.
-    kept = np.flatnonzero(np.isfinite(lengths).all(axis=1))
+    kept = np.arange(len(lengths))  # but for frames without moment arms: where paths do not come to rest
     for coordinate in run.crossed[name]:
         kept = np.intersect1d(kept, arms[coordinate].frames)
     values, lengths = {q: column[kept] for q, column in values.items()}, lengths[kept]
