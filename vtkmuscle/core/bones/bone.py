@@ -19,7 +19,7 @@ from vtkmuscle.core.bones.lookup import (
 )
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.sampling import space_order, uneven_weights
+from vtkmuscle.core.mesh.sampling import uneven_weights
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import FAR, Solids, closed_shells, solids_of
 from vtkmuscle.core.mesh.surface import points_in_box
@@ -46,9 +46,6 @@ _MOST_NODES = 2.0**26
 
 #: Most nodes that are noted as lacking at a time.
 _LACKING = 4096
-
-#: The nodes of a look-up from the first, (27, 3).
-_ONWARD = np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 class Bone:
@@ -199,19 +196,17 @@ class Bone:
 
         Return whether nodes were missing. If so, the look-ups of missing nodes must be repeated.
         """
-        lacking, shape = field.lacking, field.nodes.shape
-        if lacking[0] == 0:
+        if field.lacking[0] == 0:
             return False
-        noted = lacking[2 : 2 + lacking[1]].copy()
-        lacking[:2] = 0
-        onward = _ONWARD @ (shape[1] * shape[2], shape[2], 1)
-        wanted = -1 - noted[noted < 0], (noted[noted >= 0, None] + onward).reshape(-1)
-        numbers, known = np.concatenate(wanted), field.nodes.reshape(-1)
-        numbers = np.unique(numbers[known[numbers] == 0.0])
-        if len(numbers):
-            distances = self._measured(field, np.column_stack(np.unravel_index(numbers, shape)))
-            known[numbers] = distances
-            known[numbers[known[numbers] == 0.0]] = np.finfo(np.float64).tiny
+        numbers = np.empty(27 * int(field.lacking[1]), dtype=np.int64)
+        numbers = numbers[: _unknown(field, numbers)]
+        numbers.sort()
+        at_rest = np.empty((len(numbers), 3))
+        count = _place(field, inverse(self.axes), numbers, at_rest)
+        if count:
+            distances, known = self.solids.distances(at_rest[:count]), field.nodes.reshape(-1)
+            distances[distances == 0.0] = np.finfo(np.float64).tiny  # 0 is unknown
+            known[numbers[:count]] = distances
         return True
 
     def _nothing(self, reach: float) -> tuple[float, Field]:
@@ -233,14 +228,6 @@ class Bone:
         memory = mmap(-1, 8 * int(shape.prod()), access=ACCESS_COPY)
         nodes, box = np.frombuffer(memory).reshape(shape), np.concatenate([low, high])
         return reach, Field(nodes, first, box, cell, 1.0 / cell, np.zeros(2, dtype=np.int64))
-
-    def _measured(self, field: Field, nodes: Floats) -> Floats:
-        """Return exact distances at positions in a field's cells, (n, 3) from its first node."""
-        order = space_order(nodes)  # each near those before it, where the search for it begins
-        at_rest = apply_transform(inverse(self.axes), field.cell * (nodes[order] + field.low))
-        distances = np.empty(len(nodes))
-        distances[order] = self.solids.distances(at_rest)
-        return distances
 
 
 #: The bone of a surface, one for all who hold it.
@@ -277,6 +264,42 @@ def bone_axes(points: Floats) -> Floats:
     transform = np.eye(4)
     transform[:3, :3], transform[:3, 3] = axes, -axes @ centre
     return transform
+
+
+@kernel
+def _unknown(field: Field, numbers: Ints) -> int:
+    """Write the numbers of noted nodes that are unknown, and clear the notes; return the count."""
+    nodes, notes, count = field.nodes.reshape(-1), field.lacking, 0
+    _, height, depth = field.nodes.shape
+    for note in range(2, 2 + notes[1]):
+        if notes[note] < 0:
+            numbers[count], count = -1 - notes[note], count + 1
+            continue
+        for i in range(3):
+            for j in range(3):
+                for k in range(3):
+                    number = notes[note] + (i * height + j) * depth + k
+                    if nodes[number] == 0.0:
+                        numbers[count], count = number, count + 1
+    notes[0] = notes[1] = 0
+    return count
+
+
+@kernel
+def _place(field: Field, to_rest: Floats, numbers: Ints, at_rest: Floats) -> int:
+    """Write nodes' positions (n, 3) at rest, and drop repeated numbers (n,) in order; return the count."""
+    _, height, depth = field.nodes.shape
+    count = 0
+    for number in numbers:
+        if count and number == numbers[count - 1]:
+            continue
+        line, at = number // depth, at_rest[count]
+        at[0], at[1], at[2] = line // height, line % height, number % depth
+        for k in range(3):
+            at[k] = field.cell * (at[k] + field.low[k])
+        transform_point(to_rest, at_rest, count, at)
+        numbers[count], count = number, count + 1
+    return count
 
 
 @kernel

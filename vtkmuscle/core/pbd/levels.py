@@ -64,8 +64,8 @@ class TwoLevels:
         rings = csr_array((ring @ ring).astype(np.bool_))
         sizes, near = np.diff(rings.indptr), coarse[rings.indices]
         arms = near - np.repeat(np.add.reduceat(near, rings.indptr[:-1]) / sizes[:, None], sizes, axis=0)
-        #: Along each axis: at rest, from the middle of the points about each point to these points.
-        self._arms = [csr_array((along, rings.indices, rings.indptr)) for along in arms.T]
+        #: First of the points about each point, the points, and their arms at rest from the points' middle.
+        self._rings = rings.indptr, rings.indices, arms
         self._fixed = np.flatnonzero(fixed_to >= 0)
         self._fixed_to = fixed_to[self._fixed]
         edge = float(solver.shape.lengths.mean())
@@ -75,7 +75,7 @@ class TwoLevels:
             near = np.exp(-0.5 * (away / edge) ** 2)
         #: Points that fixed points take along, with the nearest of these and the part.
         self._along = np.flatnonzero(near > np.finfo(float).eps)
-        self._nearest, self._near = nearest[self._along], near[self._along, None]
+        self._nearest, self._near = nearest[self._along], near[self._along]
 
     def at_rest(self, n_bones: int) -> State:
         """Return the muscle and all bones at rest."""
@@ -97,29 +97,58 @@ class TwoLevels:
 
     def prolonged(self, coarse: Floats, transforms: Floats) -> Floats:
         """Return the fine points (n, 3) carried by the coarse points (c, 3)."""
-        centred, rest = coarse - coarse.mean(axis=0), self.shape.points
-        turns = nearest_rotations(np.stack([arms @ centred for arms in self._arms], axis=2))
+        rest, products = self.shape.points, np.empty((len(coarse), 3, 3))
+        _products(*self._rings, coarse, products)
+        turns, carried = nearest_rotations(products), np.empty_like(rest)
         shifts = coarse - np.einsum("cij,cj->ci", turns, self._coarse)
-        motions, carried = np.dstack([turns, shifts]).reshape(-1, 12), np.empty_like(rest)
+        motions = np.hstack([turns.reshape(-1, 9), shifts])
         _carry(motions, self._carriers, self._parts, rest, carried)
         residual = np.empty((len(self._fixed), 3))
         for bone in np.unique(self._fixed_to):
             mine = self._fixed_to == bone
             ids = self._fixed[mine]
             residual[mine] = apply_transform(transforms[bone], rest[ids]) - carried[ids]
-        carried[self._along] += self._near * residual[self._nearest]
+        _take_along(self._along, self._nearest, self._near, residual, carried)
         return carried
 
 
 @vector_kernel
+def _products(starts: Ints, others: Ints, arms: Floats, points: Floats, products: Floats) -> None:
+    """Write products (c, 3, 3) of ways to other points (c, 3), and arms (k, 3) to these at rest."""
+    for p in range(len(points)):
+        a = b = c = d = e = f = g = h = i = 0.0
+        for k in range(starts[p], starts[p + 1]):
+            o, u, v, w = others[k], arms[k, 0], arms[k, 1], arms[k, 2]
+            x, y, z = points[o, 0] - points[p, 0], points[o, 1] - points[p, 1], points[o, 2] - points[p, 2]
+            a, b, c = a + x * u, b + x * v, c + x * w
+            d, e, f = d + y * u, e + y * v, f + y * w
+            g, h, i = g + z * u, h + z * v, i + z * w
+        m = products[p]
+        m[0, 0], m[0, 1], m[0, 2] = a, b, c
+        m[1, 0], m[1, 1], m[1, 2] = d, e, f
+        m[2, 0], m[2, 1], m[2, 2] = g, h, i
+
+
+@vector_kernel
+def _take_along(points: Ints, nearest: Ints, parts: Floats, ways: Floats, carried: Floats) -> None:
+    """Move some carried points by a part of the way of the nearest fixed point."""
+    for i, point in enumerate(points):
+        for axis in range(3):
+            carried[point, axis] += parts[i] * ways[nearest[i], axis]
+
+
+@vector_kernel
 def _carry(motions: Floats, carriers: Ints, parts: Floats, rest: Floats, carried: Floats) -> None:
-    """Write the means of points (n, 3) moved by their carriers' motions (c, 12)."""
+    """Write points (n, 3) moved by the mean of their carriers' motions (c, 12), a turn and a shift."""
     for i in range(len(rest)):
-        x, y, z = rest[i, 0], rest[i, 1], rest[i, 2]
-        u = v = w = 0.0
+        a = b = c = d = e = f = g = h = j = u = v = w = 0.0
         for k in range(carriers.shape[1]):
             part, m = parts[i, k], motions[carriers[i, k]]
-            u += part * (m[0] * x + m[1] * y + m[2] * z + m[3])
-            v += part * (m[4] * x + m[5] * y + m[6] * z + m[7])
-            w += part * (m[8] * x + m[9] * y + m[10] * z + m[11])
-        carried[i, 0], carried[i, 1], carried[i, 2] = u, v, w
+            a, b, c = a + part * m[0], b + part * m[1], c + part * m[2]
+            d, e, f = d + part * m[3], e + part * m[4], f + part * m[5]
+            g, h, j = g + part * m[6], h + part * m[7], j + part * m[8]
+            u, v, w = u + part * m[9], v + part * m[10], w + part * m[11]
+        x, y, z = rest[i, 0], rest[i, 1], rest[i, 2]
+        carried[i, 0] = a * x + b * y + c * z + u
+        carried[i, 1] = d * x + e * y + f * z + v
+        carried[i, 2] = g * x + h * y + j * z + w
