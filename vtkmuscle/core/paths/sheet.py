@@ -50,9 +50,6 @@ class PathState:
     points : (f, n, 3), positions [mm];
     transforms : (b, 4, 4), of the bones, rest to now;
     ring_points : (r, f) int, point of each path held by each ring, 0 for no point;
-    contacts : (f,) int, number of points of each path that bones or rings press on;
-    squeezed : (f,), room that each path lacks between two bones [mm];
-    sags : (f,), depth of each path's straight segments in the bones' clearance [mm];
     settled : whether the sheet came to rest;
     steps : steps of Newton's method since the pose that the paths began with;
     ends_moved : (2, f, 3), move of each end since the pose before, seen from the bone of the path's opposite
@@ -65,9 +62,6 @@ class PathState:
     points: Floats
     transforms: Floats
     ring_points: Ints
-    contacts: Ints
-    squeezed: Floats
-    sags: Floats
     settled: bool
     steps: int
     ends_moved: Floats
@@ -89,6 +83,21 @@ class PathState:
         """Length of the path of each fibre, (k,) [mm]."""
         return path_lengths(self.paths)
 
+    @cached_property
+    def contacts(self) -> Ints:
+        """Number of points of each path that bones or rings press on, (f,)."""
+        return self._pose().contacts()
+
+    @cached_property
+    def squeezed(self) -> Floats:
+        """Room that each path lacks between two bones, (f,) [mm]."""
+        return self._pose().squeezed()
+
+    @cached_property
+    def sags(self) -> Floats:
+        """Depth of each path's straight segments in the bones' clearance, (f,) [mm]."""
+        return self._pose().sags()
+
     def levers(self, twists: Mapping[str, Floats]) -> dict[str, Floats]:
         """Return the lever of the path of each fibre by each coordinate.
 
@@ -98,17 +107,22 @@ class PathState:
         """
         if not twists:
             return {}
+        levers = self._pose().levers(np.array(list(twists.values())), self.drift)
+        return dict(zip(twists, levers, strict=True))
+
+    def _pose(self) -> SheetPose:
+        """Return the settled pose of the sheet."""
         pose = self.forces()
         if pose is None:
             pose = SheetPose(self.sheet, self.transforms, self.points, self.ring_points)
             pose.look_at(pose.x)
-        return dict(zip(twists, pose.levers(np.array(list(twists.values())), self.drift), strict=True))
+        return pose
 
     @property
     def nbytes(self) -> int:
         """Memory of the state [bytes]."""
-        arrays = [self.paths, self.transforms, self.ring_points, self.contacts, self.squeezed, self.sags]
-        return sum(array.nbytes for array in [*arrays, self.ends_moved, self.drift])
+        arrays = self.paths, self.transforms, self.ring_points, self.ends_moved, self.drift
+        return sum(array.nbytes for array in arrays)
 
 
 class MusclePaths:
@@ -239,8 +253,7 @@ class MusclePaths:
         pose.hold(carried)  # near the equilibrium rings would never let go of the points that they hold
         settled = pose.settle(self._segment, reach)
         self._latest = pose  # alive for the levers of this state
-        measures = pose.contacts(), pose.squeezed(), pose.sags()
-        now = self._sheet, pose.points, transforms, pose.ring_points, *measures, settled, pose.steps
+        now = self._sheet, pose.points, transforms, pose.ring_points, settled, pose.steps
         return PathState(*now, ends_moved, pose.points - carried, weakref.ref(pose))
 
 
