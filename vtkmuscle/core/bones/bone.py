@@ -21,7 +21,7 @@ from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.sampling import uneven_weights
 from vtkmuscle.core.mesh.shared import shared
-from vtkmuscle.core.mesh.solids import FAR, Solids, closed_shells, solids_of
+from vtkmuscle.core.mesh.solids import FAR, LEAST_PIECE, Solids, closed_shells, solids_from, solids_of
 from vtkmuscle.core.mesh.surface import points_in_box
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -31,9 +31,6 @@ CELLS_PER_DIAGONAL = 300.0
 
 #: Difference of the weights of a bone's points, which decide where symmetry leaves the axes open.
 UNEVENNESS = 1e-3
-
-#: Least part of a bone's triangles in a piece of its own: smaller ones are crumbs of a segmentation.
-LEAST_PIECE = 0.02
 
 #: Reach of the field beyond the bone's box, in diagonals of the box; farther away each point is measured.
 REACH = 0.25
@@ -87,29 +84,29 @@ class Bone:
         """
         with errors_at(self.name):
             closed = closed_shells(self.points, self.triangles)
-        parts: list[list[Ints]] = []
+        parts: list[list[int]] = []
         boxes: list[tuple[Floats, Floats]] = []
-        least = LEAST_PIECE * sum(map(len, closed.shells))
-        for shell in sorted(closed.shells, key=len, reverse=True):
-            corners = closed.points[shell.reshape(-1)].T.copy()
+        sizes = [len(shell) for shell in closed.shells]
+        for number in sorted(range(len(sizes)), key=sizes.__getitem__, reverse=True):
+            corners = closed.points[closed.shells[number].reshape(-1)].T.copy()
             low, high = corners.min(axis=1), corners.max(axis=1)
             within = any((low >= lowest).all() and (high <= highest).all() for lowest, highest in boxes)
-            if parts and (within or len(shell) < least):
-                parts[0].append(shell)
+            if parts and (within or sizes[number] < LEAST_PIECE * sum(sizes)):
+                parts[0].append(number)
             else:
-                parts.append([shell])
+                parts.append([number])
                 boxes.append((low, high))
         if len(parts) == 1:
             return (self,)
         pieces = []
         for part in parts:
-            triangles = np.concatenate(part)
+            triangles = np.concatenate([closed.shells[number] for number in part])
             used = np.flatnonzero(np.bincount(triangles.reshape(-1)))
             used = used[np.lexsort(closed.points[used].T[::-1])]  # the axes do not depend on the file's order
             number_of = np.zeros(len(closed.points), dtype=np.int64)
             number_of[used] = np.arange(len(used))
             pieces.append(Bone(closed.points[used], number_of[triangles], cell=self.cell))
-            pieces[-1].name = self.name
+            pieces[-1].name, pieces[-1].solids = self.name, solids_from(closed, part)
         return tuple(pieces)
 
     @cached_property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.sampling import part_means
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.surface import LEAST_VOLUME, numbered_edges, point_components, signed_volume
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Enlargement of boxes, as a part of the coordinates: rounding must hide no triangle from a ray.
@@ -100,6 +101,8 @@ def _crosses(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> 
 
 #: Distance of points too far to matter, or not yet computed.
 FAR = 1e30
+#: Least part of a surface's triangles in a piece of its own: smaller ones are crumbs of a segmentation.
+LEAST_PIECE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,21 +309,26 @@ def solids_of(points: Floats, triangles: Ints) -> Solids:
     a coordinate is not finite.
     """
     closed = closed_shells(points, triangles)
-    shells = list(zip(closed.shells, closed.solid, strict=True))
-    parts, sheets = ([part for part, solid in shells if solid == kind] for kind in (True, False))
-    groups = _disjoint_groups(closed.points, parts)
-    trees = tuple(triangle_tree(closed.points, np.concatenate(group)) for group in groups)
-    flat = triangle_tree(closed.points, np.concatenate(sheets)) if sheets else None
+    return solids_from(closed, range(len(closed.shells)))
+
+
+def solids_from(closed: ClosedShells, numbers: Sequence[int]) -> Solids:
+    """Return some of the shells of a surface, by their numbers, as solids."""
+    solid, sheets = ([closed.shells[i] for i in numbers if closed.solid[i] == kind] for kind in (True, False))
+    groups = _disjoint_groups(closed.points, solid)
+    trees = tuple(shared_tree(closed.points, np.concatenate(group)) for group in groups)
+    flat = shared_tree(closed.points, np.concatenate(sheets)) if sheets else None
     return Solids(trees, flat, closed.remarks)
 
 
 def _disjoint_groups(points: Floats, parts: list[Ints]) -> list[list[Ints]]:
-    """Return parts of a surface in groups of disjoint boxes."""
+    """Return parts of a surface in groups of disjoint boxes; each large part is a group of its own."""
     groups: list[list[tuple[Ints, Floats, Floats]]] = []
-    for part in parts:
+    least = LEAST_PIECE * sum(map(len, parts))
+    for part in sorted(parts, key=len):
         corners = points[part.reshape(-1)].T.copy()
         low, high = corners.min(axis=1), corners.max(axis=1)
-        for group in groups:
+        for group in groups if len(part) < least else ():
             if not any(((first <= high) & (low <= last)).all() for _, first, last in group):
                 group.append((part, low, high))
                 break
