@@ -180,7 +180,9 @@ def _started(run: SceneRun, tracks: Tracks, stack: ExitStack) -> tuple[Pool | No
     if size == 1:
         return None, {}
     pool = stack.enter_context(Pool(size, run))
-    return pool, {pool.solve(name): name for name in run.scene.muscles if name not in tracks}
+    left = [name for name in run.scene.muscles if name not in tracks]
+    left.sort(key=lambda name: run.scene.muscles[name].surface.GetNumberOfCells(), reverse=True)
+    return pool, {pool.solve(name): name for name in left}  # the largest first: none is left for the end
 
 
 def _solve(
