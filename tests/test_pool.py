@@ -148,6 +148,21 @@ def test_ctrl_c_ends_all_processes(scene, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("piped", [False, True])
+def test_a_program_need_not_guard_its_work(scene, tmp_path, piped):
+    """A process would else import the program, and begin its work anew, or miss the file of a piped one."""
+    file = scene.save(tmp_path / "scene")
+    program = tmp_path / "program.py"
+    program.write_text(
+        f"import vtkmuscle\nscene = vtkmuscle.Scene.load({str(file)!r})\n"
+        "print(len(scene.run(frames='0:1', workers=2, figures=False).lengths), 'lengths', __spec__)\n"
+    )
+    given = ([], program.read_text()) if piped else ([str(program)], None)
+    said = subprocess.run([sys.executable, *given[0]], input=given[1], capture_output=True, text=True)
+    assert (said.returncode, said.stdout) == (0, "3 lengths None\n"), said.stderr
+
+
+@pytest.mark.slow
 def test_a_process_that_is_killed_ends_the_run_with_a_remedy(scene, tmp_path, started):
     def kill(muscle, stage, part):
         started[0].kill()

@@ -53,7 +53,7 @@ def cohort(
         equal scene, frames and package is read instead of run again. Without a folder no files are kept.
     client : distributed.Client, optional
         Of a Dask cluster with folders shared by all workers; give ``out`` with ``client``. Default: processes
-        of this machine. A script starting processes needs ``if __name__ == "__main__":``.
+        of this machine.
     workers : int, optional
         Number of processes, by default one per processor; 1 runs the scenes in this process.
     progress : callable, optional

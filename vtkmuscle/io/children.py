@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import signal
+import sys
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import active_children, get_all_start_methods, get_context
+from threading import RLock
 from typing import Any
 
 from vtkmuscle.core.machine import processors
@@ -40,13 +42,39 @@ def processes(
 ) -> Iterator[ProcessPoolExecutor]:
     """Give a pool of child processes, which are ended with the context."""
     before = active_children()
-    pool = ProcessPoolExecutor(size, child_context(), initializer, arguments)
+    pool = _Pool(size, child_context(), initializer, arguments)
     try:
         yield pool
     finally:
         for process in set(active_children()).difference(before):
             process.kill()
         pool.shutdown(cancel_futures=True)
+
+
+class _Pool(ProcessPoolExecutor):
+    """A pool whose processes ignore Ctrl-C and the program's main module, which need not guard its work."""
+
+    def submit(self, *work: Any, **options: Any) -> Future[Any]:
+        """Let the next free process do a work; processes start here."""
+        with _without_main(), interrupts_blocked():
+            return super().submit(*work, **options)
+
+
+#: Held while the main module is hidden.
+_hiding = RLock()
+
+
+@contextmanager
+def _without_main() -> Iterator[None]:
+    """Hide the source of the main module: a starting process would import it, and so run its work again."""
+    main = sys.modules["__main__"]
+    with _hiding:
+        hidden = {name: vars(main)[name] for name in ("__file__", "__spec__") if vars(main).get(name)}
+        vars(main).update(dict.fromkeys(hidden))
+        try:
+            yield
+        finally:
+            vars(main).update(hidden)
 
 
 @contextmanager

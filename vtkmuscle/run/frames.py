@@ -38,8 +38,7 @@ class RunOptions:
     workers : int or None
         Number of processes for solving muscles side by side and drawing figures; None: one per processor.
         Muscles that may meet, and a single muscle, are solved in this process. So are all muscles by default.
-        The result does not depend on the number of processes. A script that starts processes needs
-        ``if __name__ == "__main__":``.
+        The result does not depend on the number of processes.
     figures : bool
         Draw figures. Without OpenGL a warning is given and the remaining output is written.
     report : bool

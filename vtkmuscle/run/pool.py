@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from vtkmuscle.core.machine import is_python, processors
 from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.data.arrays import points_of, with_points
-from vtkmuscle.io.children import child_context, interrupts_blocked, processes
+from vtkmuscle.io.children import child_context, processes
 from vtkmuscle.plotting.drawing import FigureOrder
 from vtkmuscle.plotting.views import DrawnBones
 from vtkmuscle.run.frames import Frames, MuscleTrack, RunOptions
@@ -63,15 +63,13 @@ class Pool(ExitStack):
 
     def solve(self, muscle: str) -> Future[Path]:
         """Solve a muscle in the next free process; the result is for :func:`track_in`."""
-        with interrupts_blocked():
-            return self._solvers.submit(_solve, muscle, self._folder / f"muscle {muscle}")
+        return self._solvers.submit(_solve, muscle, self._folder / f"muscle {muscle}")
 
     def draw(self, order: FigureOrder, folder: Path, bones: DrawnBones) -> Future[float]:
         """Draw a figure in the next free process; the result is the drawing time [s]."""
         if not (self._folder / "bones").exists():
             self._file("bones", bones)
-        with interrupts_blocked():
-            return self._drawers.submit(_draw, self._file(f"figure {order.name}", order), folder)
+        return self._drawers.submit(_draw, self._file(f"figure {order.name}", order), folder)
 
     def pass_on(self, options: RunOptions) -> None:
         """Pass on progress and warnings of the processes."""
