@@ -248,8 +248,8 @@ def difference(curve: Curve, reference: Curve) -> tuple[float | None, ...]:
         inside = (curve.x >= reference.x[0] - 1e-9) & (curve.x <= reference.x[-1] + 1e-9)
         expected = np.interp(curve.x, reference.x, reference.mean)
     else:
-        equal = (np.abs(curve.poses[:, None] - reference.poses) <= SAME).all(axis=2)
-        inside, expected = equal.any(axis=1), reference.mean[equal.argmax(axis=1)]
+        equal = np.all(np.abs(curve.poses[:, None] - reference.poses) <= SAME, axis=2)
+        inside, expected = np.any(equal, axis=1), reference.mean[np.argmax(equal, axis=1)]
     if curve is reference or not inside.any():
         return (None,) * 4
     x, apart = curve.x[inside], (curve.mean - expected)[inside]
