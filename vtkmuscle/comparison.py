@@ -82,18 +82,11 @@ class Comparison:
             for runs in quantities.values():
                 first = next(iter(runs.values()))
                 for name, curve in runs.items():
-                    words = (
-                        muscle,
-                        curve.quantity,
-                        curve.unit,
-                        curve.over,
-                        name,
-                        self.verdicts[muscle, name],
-                    )
+                    words = muscle, curve.quantity, curve.unit, curve.over, name, self.verdicts[muscle, name]
                     rows.append((*words, float(curve.mean.mean()), *difference(curve, first)))
-            for (other, name), verdict in self.verdicts.items():
-                if other == muscle and not any(name in runs for runs in quantities.values()):
-                    rows.append((muscle, "", "", "", name, verdict, *(None,) * 5))
+            done = set().union(*quantities.values())
+            left = [key for key in self.verdicts if key[0] == muscle and key[1] not in done]
+            rows += [(muscle, "", "", "", key[1], self.verdicts[key], *(None,) * 5) for key in left]
         return Table(COLUMNS, rows)
 
     def figure(self) -> Figure:
@@ -110,12 +103,8 @@ class Comparison:
             for axes, runs in zip(row, quantities.values(), strict=False):
                 for name, curve in runs.items():
                     look = {"color": f"C{self.names.index(name) % 10}", "label": name}
-                    axes.plot(
-                        curve.x,
-                        curve.mean,
-                        "." if len(curve.x) == 1 or curve.poses is not None else "-",
-                        **look,
-                    )
+                    apart = len(curve.x) == 1 or curve.poses is not None
+                    axes.plot(curve.x, curve.mean, "." if apart else "-", **look)
                 label = curve.over.partition(" [")[0]
                 published = curves_for(self.literature.get(muscle, ()), coordinate=label.replace(" ", "_"))
                 if curve.quantity == f"moment arm, {label}" and published:

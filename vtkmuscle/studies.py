@@ -31,7 +31,8 @@ _LONGEST = 40
 
 Row = dict[str, Any]
 #: Warnings of a child process, for the parent process.
-_warned: list[tuple[str, type[Warning]]] = []
+Warned = list[tuple[str, type[Warning]]]
+_warned: Warned = []
 
 
 def cohort(
@@ -89,12 +90,10 @@ def cohort(
     >>> table["subject"]
     array(['anna', 'ben'], dtype='<U4')
     """
-    if not isinstance(scenes, Mapping):
-        every = [scenes] if isinstance(scenes, str | PathLike) else scenes
-        named = [(one.name if isinstance(one, Scene) else str(one), one) for one in every]
-    else:
-        named = list(scenes.items())
-    labelled = [({"subject": name}, scene) for name, scene in named]
+    every = [scenes] if isinstance(scenes, str | PathLike) else scenes
+    names = [one.name if isinstance(one, Scene) else str(one) for one in every]
+    listed = scenes.values() if isinstance(scenes, Mapping) else every
+    labelled = [({"subject": name}, scene) for name, scene in zip(names, listed, strict=True)]
     return run_labelled(labelled, out, client, workers, progress, options)
 
 
@@ -141,10 +140,8 @@ def vary(
 
 def combinations(settings: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return all combinations of settings by name. A text or number is a single value."""
-    single = {
-        name: isinstance(values, str) or not isinstance(values, Iterable) for name, values in settings.items()
-    }
-    every = product(*([values] if single[name] else values for name, values in settings.items()))
+    single = str | int | float | None
+    every = product(*([each] if isinstance(each, single) else each for each in settings.values()))
     return [dict(zip(settings, values, strict=True)) for values in every]
 
 
@@ -160,13 +157,10 @@ def run_labelled(
     run_options({**options, "workers": workers})
     asked = {"figures": False, "report": False, **options, "workers": 1}
     names = [folder_name(labels) for labels, _ in labelled]
-    if not names or len(set(names)) < len(names):
-        words = [
-            ", ".join(map(str, labels.values()))
-            for labels, _ in labelled
-            if names.count(folder_name(labels)) > 1
-        ]
-        problem = f"two have the same name, {words[0]!r}" if names else "there are none"
+    twice = [name for name in names if names.count(name) > 1]
+    if not names or twice:
+        words = ", ".join(map(str, labelled[names.index(twice[0])][0].values())) if twice else ""
+        problem = f"two have the same name, {words!r}" if twice else "there are none"
         raise InputError("scenes", problem, "give each scene once, and each subject a name")
     outputs = None if out is None else Outputs(Path(out), overwrite=bool(options.get("overwrite")))
     if outputs is not None:
@@ -222,9 +216,7 @@ def _keep_warnings() -> None:
     warnings.showwarning = lambda text, category, *_, **__: _warned.append((str(text), category))
 
 
-def _rows(
-    file: Path, out: Path | None, options: Mapping[str, Any]
-) -> tuple[list[Row], list[tuple[str, type[Warning]]]]:
+def _rows(file: Path, out: Path | None, options: Mapping[str, Any]) -> tuple[list[Row], Warned]:
     """Return the rows of a scene's muscles, and kept warnings. A scene without a finished folder is run."""
     _warned.clear()
     try:
@@ -247,10 +239,8 @@ def _finished(scene: Scene, out: Path, options: Mapping[str, Any]) -> Result | N
     report, keys = folder.report(), muscle_keys(scene, numbers)
     if report is None or not report["complete"] or keys.keys() != folder.finished(keys).keys():
         return None
-    lacks = (options["report"] and not (out / PAGE).exists()) or (
-        options["figures"] and "figures" not in report
-    )
-    return None if lacks else Result.load(out)
+    there = {"report": (out / PAGE).exists(), "figures": "figures" in report}
+    return Result.load(out) if all(there[name] or not options[name] for name in there) else None
 
 
 def _words(message: str, out: Path | None = None, muscle: str = "", verdict: str = "failed") -> Row:

@@ -96,9 +96,8 @@ class Tradeoff:
                 label = ", ".join(str(whole[setting][i]) for setting in self.settings)
                 look = {"color": f"C{i % 10}", "markersize": 9, "alpha": 0.7}
                 axes.plot(ms, error, "osD^vP*"[i // 10 % 7], label=label, **look)
-            axes.set(
-                xlim=(0.0, 1.1 * np.nanmax(whole["ms"])), ylim=(0.0, 1.1 * np.nanmax(whole[name]) or 1.0)
-            )
+            most = 1.1 * np.nanmax([whole["ms"], whole[name]], axis=1)
+            axes.set(xlim=(0.0, most[0]), ylim=(0.0, most[1] or 1.0))
             axes.set(xlabel="processor time a pose [ms]", ylabel=ERRORS[name])
         look = {"title": ", ".join(self.settings), "frameon": False}
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", **look)
@@ -161,8 +160,7 @@ def tradeoff(
     """
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     check_sense(scene)
-    varied = tuple(settings or TRIED)
-    tried = combinations(settings or TRIED)
+    varied, tried = tuple(settings or TRIED), combinations(settings or TRIED)
     plain = _without(scene, _OF_QUALITY) if "quality" in varied else scene
     labelled = [(values, plain.with_settings(**values)) for values in tried]
     deformers = dict.fromkeys(values.get("deformer", scene.deformer) for values in tried)

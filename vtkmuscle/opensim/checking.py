@@ -150,7 +150,9 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
     """
     model = read_mjcf(path) if Path(path).suffix.lower() == ".xml" else read_osim(path)
     if not model.paths:
-        raise InputError(path, "the model has no muscles or ligaments to check", "give a model with muscles")
+        raise InputError(
+            Path(path), "the model has no muscles or ligaments to check", "give a model with muscles"
+        )
     winding = [name for name, each in model.paths.items() if getattr(each.path, "wraps", ())]
     if isinstance(model, MujocoModel):
         winding = []
