@@ -1,6 +1,6 @@
 """Runs over one another: differences by known answers, and a figure of them."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -26,7 +26,7 @@ class Made:
         self.name, self.muscle_names, self.verdicts = "made", [self.muscle], {self.muscle: "ok"}
         self.frames, self.times = range(len(self.angles)), list(self.angles)
         self.time_label = f"{self.coordinate.replace('_', ' ')} [deg]"
-        self.literature = {}
+        self.literature, self.crosses = {}, {}
         self.report = {"muscles": {self.muscle: {"moment_arms": {}}}}
         rows = self.slope * self.angles[:, None] + np.array([-2.0, 0.0, 2.0])
         self.lengths = {self.muscle: 100.0 + rows}
@@ -69,6 +69,41 @@ def test_both_sides_of_one_run_are_two_runs():
     table = vtkmuscle.compare({"walk": both}).table().where(quantity="moment arm, knee angle")
     assert list(table["run"]) == ["walk", "walk, vastus_l"]
     assert table["difference_largest"][1] == pytest.approx(0.2 * 60.0)
+
+
+def test_lengths_over_different_coordinates_are_not_subtracted():
+    runs = {"one": Made(), "other": Made(coordinate="hip_angle_r"), "third": Made(0.6)}
+    table = vtkmuscle.compare(runs).table()
+    assert np.isnan(table.where(run="other")["difference"]).all()
+    assert table.where(run="third")["difference"] == pytest.approx(0.1 * ANGLES.mean())
+
+
+def over_grid(step, slope=0.5):
+    """Return a run over knee and hip angle in turns; the moment arm depends on both."""
+    hip, knee = (axis.ravel() for axis in np.meshgrid(np.arange(0.0, 41.0, step), [0.0, 20.0], indexing="ij"))
+    knee[2::4], knee[3::4] = 20.0, 0.0
+    run = Made(slope, angles=hip + knee)
+    run.times, run.time_label = list(range(len(hip))), "time"
+    run.motion.coordinates = {"knee_angle_r": Coordinate(knee, "deg"), "hip_angle_r": Coordinate(hip, "deg")}
+    run.all_arms[run.muscle]["knee_angle_r"] = replace(run.all_arms[run.muscle]["knee_angle_r"], values=knee)
+    return run
+
+
+def test_runs_over_grids_are_compared_in_equal_poses():
+    """A run over a coordinate of a grid has many values at a position, and no value between poses."""
+    runs = {"one": over_grid(10.0), "same": over_grid(10.0), "coarse": over_grid(20.0, 0.6)}
+    table = vtkmuscle.compare(runs).table()
+    assert set(table["over"]) == {"poses of knee angle, hip angle"}
+    assert table.where(run="same")["difference_rms"].tolist() == [0.0, 0.0]
+    np.testing.assert_allclose(table.where(run="coarse")["difference"], 0.1 * 30.0)
+
+
+def test_a_muscle_without_a_frame_has_a_row():
+    failed = Made()
+    failed.lengths, failed.all_arms, failed.verdicts = {}, {}, {failed.muscle: "failed"}
+    compared = vtkmuscle.compare({"one": Made(), "other": failed})
+    assert compared.table().where(run="other")["verdict"].tolist() == ["failed"]
+    assert len(compared.figure().axes) == 2
 
 
 def test_nothing_in_common_is_one_clear_error():

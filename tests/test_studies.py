@@ -76,6 +76,26 @@ def test_a_finished_folder_is_read_and_a_changed_scene_is_run(scene, tmp_path, s
     assert solved == [first["folder"][0]], "other frames are another run"
 
 
+def test_a_missing_page_is_written_for_a_finished_subject(scene, tmp_path):
+    first = vtkmuscle.cohort([scene], tmp_path, workers=1, frames="0:1")
+    assert first["subject"].tolist() == [scene.name]
+    again = vtkmuscle.cohort([scene], tmp_path, workers=1, frames="0:1", report=True)
+    assert (tmp_path / again["folder"][0] / "report.html").exists()
+    same_numbers(again, first)
+
+
+@pytest.mark.slow
+def test_warnings_of_processes_are_those_of_this_process(tmp_path):
+    """A warning in a process was printed there with a line of the package, and not raised here."""
+    text = write_tiny_scene(tmp_path / "odd").read_text()
+    odd = [tmp_path / "odd" / f"{name}.toml" for name in "ab"]
+    for file in odd:
+        file.write_text(text.replace('units = "mm"', 'units = "cm"'))
+    with pytest.warns(UserWarning, match="litres") as warned:
+        vtkmuscle.cohort(odd, workers=2, frames="0:1")
+    assert {str(one.message).split(": ")[0] for one in warned} == {str(file) for file in odd}
+
+
 def test_a_scene_that_cannot_be_run_is_a_row(tmp_path):
     good = write_tiny_scene(tmp_path / "good")
     bad = write_tiny_scene(tmp_path / "bad")
@@ -136,9 +156,9 @@ def test_a_client_of_dask_gives_the_same_table(scene, tmp_path):
 
 
 def test_settings_of_scene_and_fibres_are_varied(scene):
-    table = vtkmuscle.vary(scene, workers=1, frames="0:1", deformer=["none", "paths"], n_fibres=[4, 8])
-    assert table["deformer"].tolist() == ["none", "none", "paths", "paths"]
-    assert table["n_fibres"].tolist() == [4, 8, 4, 8]
+    table = vtkmuscle.vary(scene, workers=1, frames="0:1", deformer=["none", "paths"], n_fibres=4)
+    assert table["deformer"].tolist() == ["none", "paths"]
+    assert table["n_fibres"].tolist() == [4, 4]
     few = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=4, resolution=5)
     lengths = few.run(frames="0:1").lengths["spindle"]
     assert table.where(deformer="paths", n_fibres=4)["length_mm"] == pytest.approx(lengths.mean(), rel=1e-12)
@@ -158,7 +178,7 @@ def test_settings_of_the_paths_are_varied(scene):
     ("call", "words"),
     [
         (lambda scene: vtkmuscle.cohort({}), "there are none"),
-        (lambda scene: vtkmuscle.cohort(["a.toml", "a.toml"]), "two have the same name"),
+        (lambda scene: vtkmuscle.cohort(["a.toml", "a.toml"]), "two have the same name, 'a.toml'"),
         (lambda scene: vtkmuscle.cohort({"anna": scene}, workers=0), "workers is 0"),
         (vtkmuscle.vary, "no setting is varied"),
         (lambda scene: vtkmuscle.vary(scene, workers=1, n_fibers=[3]), "n_fibers"),

@@ -63,6 +63,25 @@ def test_finished_runs_are_read_again_and_table_and_figure_are_written(measured)
     assert (out / "tradeoff.png").stat().st_size > 5000
 
 
+def test_a_setting_has_its_colour_in_all_panels(measured):
+    """Also a setting without an error in a panel takes a colour, and the legend explains each."""
+    table = measured[2].table
+    rows = [list(row) for row in zip(*table.values(), strict=True)]
+    rows[0][list(table).index("length_rms_mm")] = None
+    figure = replace(measured[2], table=vtkmuscle.Table(tuple(table), rows)).figure()
+    colours = [{line.get_label(): line.get_color() for line in axes.lines} for axes in figure.axes]
+    assert len(colours) > 1
+    assert colours == colours[:1] * len(colours)
+    assert [text.get_text() for text in figure.legends[0].texts] == list(colours[0])
+
+
+def test_a_certain_mistake_of_the_scene_is_an_error(tmp_path):
+    scene = write_tiny_scene(tmp_path)
+    scene.write_text(scene.read_text().replace('units = "mm"', 'units = "m"'))
+    with pytest.raises(ValueError, match="litres"):
+        vtkmuscle.tradeoff(scene, frames="0:1", quality="preview")
+
+
 def test_the_command_prints_the_table_and_the_cheapest_setting(tmp_path):
     scene = write_tiny_scene(tmp_path)
     settings = ["--vary", "deformer=none", "--vary", "quality=preview,balanced", "--frames", "0:2"]
@@ -73,3 +92,5 @@ def test_the_command_prints_the_table_and_the_cheapest_setting(tmp_path):
     bad = vtkmuscle_("tradeoff", scene, "--out", tmp_path / "bad", "--vary", "fibres")
     assert bad.exit_code == 2
     assert "--vary: 'fibres' is no pair" in bad.stderr
+    twice = vtkmuscle_("tradeoff", scene, "--out", tmp_path / "bad", *["--vary", "n_fibres=8"] * 2)
+    assert "--vary: 'n_fibres' is given twice" in twice.stderr

@@ -7,23 +7,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.types import SAME, Floats
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, read_literature, side_apart
 from vtkmuscle.run import Result, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Columns of the table. Differences are to the first run, where both have values; ``at`` is the position of
-#: the largest difference on the horizontal axis.
+#: Columns of the table. Means are over all frames of a run. Differences are to the first run with the same
+#: axis ``over``, where both have values; ``at`` is the position of the largest difference on the axis.
 COLUMNS = (
-    *("muscle", "quantity", "unit", "run", "verdict", "mean"),
+    *("muscle", "quantity", "unit", "over", "run", "verdict", "mean"),
     *("difference", "difference_rms", "difference_largest", "at"),
 )
 _LENGTH = "length, bone to bone"
@@ -35,7 +36,8 @@ _WIDTH, _HEIGHT = 4.8, 3.2
 class Curve:
     """A quantity of a muscle over a coordinate or time. Mean (n,) of all paths or fibres at positions x (n,).
 
-    ``over`` is the name and unit of the horizontal axis, ``unit`` that of the quantity.
+    ``over`` is the name and unit of the horizontal axis, ``unit`` that of the quantity. A grid of coordinates
+    has frame numbers as positions, and values of the coordinates as ``poses`` (n, c).
     """
 
     quantity: str
@@ -43,6 +45,7 @@ class Curve:
     unit: str
     x: Floats
     mean: Floats
+    poses: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -70,14 +73,20 @@ class Comparison:
         return f"Comparison of {', '.join(self.names)}: {', '.join(self.curves)}"
 
     def table(self) -> Table:
-        """Return means and differences to the first run. A row per muscle, quantity and run."""
+        """Return means and differences to the first run. A row per muscle, quantity and run.
+
+        A muscle without a finished frame has a row without a quantity.
+        """
         rows: list[tuple[object, ...]] = []
         for muscle, quantities in self.curves.items():
-            for quantity, runs in quantities.items():
+            for runs in quantities.values():
                 first = next(iter(runs.values()))
                 for name, curve in runs.items():
-                    words = (muscle, quantity, curve.unit, name, self.verdicts[muscle, name])
+                    words = muscle, curve.quantity, curve.unit, curve.over, name, self.verdicts[muscle, name]
                     rows.append((*words, float(curve.mean.mean()), *difference(curve, first)))
+            done = set().union(*quantities.values())
+            left = [key for key in self.verdicts if key[0] == muscle and key[1] not in done]
+            rows += [(muscle, "", "", "", key[1], self.verdicts[key], *(None,) * 5) for key in left]
         return Table(COLUMNS, rows)
 
     def figure(self) -> Figure:
@@ -85,21 +94,22 @@ class Comparison:
         from vtkmuscle.plotting.figures import draw_literature  # noqa: PLC0415 -- a table needs no figure
         from vtkmuscle.plotting.sheets import blank_figure  # noqa: PLC0415
 
-        across = max(map(len, self.curves.values()))
+        across = max(1, *map(len, self.curves.values()))
         figure = blank_figure(_WIDTH * across, _HEIGHT * len(self.curves) + 0.5, "constrained")
         panels = figure.subplots(len(self.curves), across, squeeze=False)
         for row, (muscle, quantities) in zip(panels, self.curves.items(), strict=True):
             for axes in row[len(quantities) :]:
                 axes.set_visible(False)
-            for axes, (quantity, runs) in zip(row, quantities.items(), strict=False):
+            for axes, runs in zip(row, quantities.values(), strict=False):
                 for name, curve in runs.items():
                     look = {"color": f"C{self.names.index(name) % 10}", "label": name}
-                    axes.plot(curve.x, curve.mean, "." if len(curve.x) == 1 else "-", **look)
-                coordinate = curve.over.partition(" [")[0].replace(" ", "_")
-                published = curves_for(self.literature.get(muscle, ()), coordinate=coordinate)
-                if quantity.startswith("moment arm") and published:
+                    apart = len(curve.x) == 1 or curve.poses is not None
+                    axes.plot(curve.x, curve.mean, "." if apart else "-", **look)
+                label = curve.over.partition(" [")[0]
+                published = curves_for(self.literature.get(muscle, ()), coordinate=label.replace(" ", "_"))
+                if curve.quantity == f"moment arm, {label}" and published:
                     draw_literature(axes, published, 1.0)
-                axes.set(xlabel=curve.over, ylabel=f"{quantity} [{curve.unit}]")
+                axes.set(xlabel=fill(curve.over, 50), ylabel=f"{curve.quantity} [{curve.unit}]")
                 axes.legend(fontsize="small", frameon=False)
             row[0].set_title(label_of(muscle), loc="left")
         return figure
@@ -159,13 +169,15 @@ def compare(
             common = side_apart(muscle)
             run = f"{name}, {muscle}" if (common, name) in compared.verdicts else name  # both sides of a run
             compared.verdicts[common, run] = result.verdicts[muscle]
+            quantities = compared.curves.setdefault(common, {})
             for curve in curves_of(result, muscle):
-                quantities = compared.curves.setdefault(common, {})
-                quantities.setdefault(curve.quantity, {})[run] = curve
+                key = curve.quantity
+                if next(iter(quantities.get(key, {}).values()), curve).over != curve.over:
+                    key += f", over {curve.over}"
+                quantities.setdefault(key, {})[run] = curve
             curves = result.literature.get(muscle, ()) if published is None else published
             compared.literature.setdefault(common, curves_for(curves, muscle=muscle))
-    shared = any(len(runs) > 1 for curves in compared.curves.values() for runs in curves.values())
-    if not shared and not any(compared.literature.values()):
+    if len(compared.curves) == len(compared.verdicts) and not any(compared.literature.values()):
         listed = "; ".join(f"{name}: {', '.join(result.muscle_names)}" for name, result in named.items())
         raise InputError("", f"no muscle is in two of the runs ({listed})", "muscles match by name")
     return compared
@@ -184,31 +196,57 @@ def _named(results: Sequence[Result | str | PathLike[str]]) -> dict[str, Result]
 
 
 def curves_of(result: Result, muscle: str) -> list[Curve]:
-    """Return the curves of a muscle of a run: lengths of paths and fibres, and moment arms."""
-    curves, over = [], result.time_label.removeprefix("right ").removeprefix("left ")
+    """Return the curves of a muscle of a run: lengths of paths and fibres, and moment arms.
+
+    Moment arms are over their coordinate if it fixes the pose, else over the axis of lengths: over the time,
+    or, for a grid, over poses.
+    """
+    every, crossed = result.motion.coordinates, result.crosses.get(muscle)
+    own = {name: q.values for name, q in every.items() if q.changes and (crossed is None or name in crossed)}
+    times, poses = np.asarray(result.times, dtype=np.float64), None
+    over = result.time_label.removeprefix("right ").removeprefix("left ")
+    if over == "time" and own and is_grid([q.values for q in every.values() if q.changes]):
+        over = f"poses of {', '.join(label_of(side_apart(name)) for name in own)}"
+        frames = np.asarray(result.frames)
+        times, poses = frames.astype(np.float64), np.column_stack(list(own.values()))[frames]
+    curves = []
     for quantity, lengths in ((_LENGTH, result.lengths), ("fibre length", result.fibre_lengths)):
-        if muscle in lengths:
-            times = np.asarray(result.times[: len(lengths[muscle])], dtype=np.float64)
-            curves.append(_curve((quantity, over, "mm"), times, lengths[muscle]))
+        if count := len(lengths.get(muscle, ())):
+            words, rows = (quantity, over, "mm"), lengths[muscle]
+            curves.append(_curve(words, times[:count], rows, None if poses is None else poses[:count]))
     for name, joint in result.all_arms.get(muscle, {}).items():
         coordinate, unit = side_apart(name), "mm" if joint.unit in ANGLES else "1"
-        labels = f"moment arm, {label_of(coordinate)}", label_of(coordinate, joint.unit), unit
-        curves.append(_curve(labels, joint.values, joint.arms))
+        quantity = f"moment arm, {label_of(coordinate)}"
+        if len(own) < 2 or (poses is None and (np.diff(joint.values) > 0.0).all()):
+            words = quantity, label_of(coordinate, joint.unit), unit
+            curves.append(_curve(words, joint.values, joint.arms))
+        else:
+            of_frames = None if poses is None else poses[joint.frames]
+            curves.append(_curve((quantity, over, unit), times[joint.frames], joint.arms, of_frames))
     return curves
 
 
+def is_grid(values: Sequence[Floats]) -> bool:
+    """Return whether several coordinates change, one in each step."""
+    return len(values) > 1 and bool((np.count_nonzero(np.diff(values), axis=0) <= 1).all())
+
+
 def difference(curve: Curve, reference: Curve) -> tuple[float | None, ...]:
-    """Return figures of a curve minus a reference curve, within the reference's range."""
-    inside = (curve.x >= reference.x[0] - 1e-9) & (curve.x <= reference.x[-1] + 1e-9)
+    """Return figures of a curve minus a reference curve, within the reference's range or at equal poses."""
+    if curve.poses is None or reference.poses is None:
+        inside = (curve.x >= reference.x[0] - 1e-9) & (curve.x <= reference.x[-1] + 1e-9)
+        expected = np.interp(curve.x, reference.x, reference.mean)
+    else:
+        equal = np.all(np.abs(curve.poses[:, None] - reference.poses) <= SAME, axis=2)
+        inside, expected = np.any(equal, axis=1), reference.mean[np.argmax(equal, axis=1)]
     if curve is reference or not inside.any():
         return (None,) * 4
-    x = curve.x[inside]
-    apart = curve.mean[inside] - np.interp(x, reference.x, reference.mean)
+    x, apart = curve.x[inside], (curve.mean - expected)[inside]
     worst = int(np.abs(apart).argmax())
     root = math.sqrt(float(np.mean(np.square(apart))))
     return float(apart.mean()), root, float(apart[worst]), float(x[worst])
 
 
-def _curve(labels: tuple[str, str, str], x: Floats, rows: Floats) -> Curve:
+def _curve(labels: tuple[str, str, str], x: Floats, rows: Floats, poses: Floats | None = None) -> Curve:
     order = np.argsort(x, kind="stable")
-    return Curve(*labels, x[order], rows[order].mean(axis=1))
+    return Curve(*labels, x[order], rows[order].mean(axis=1), poses)  # frames ascend

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, as_completed
 from contextlib import ExitStack
@@ -19,7 +20,7 @@ from vtkmuscle.io.children import processes
 from vtkmuscle.io.writing import Outputs, locked
 from vtkmuscle.run import Result, Table, frame_numbers
 from vtkmuscle.run.frames import run_options
-from vtkmuscle.run.store import ResultFolder, muscle_keys
+from vtkmuscle.run.store import PAGE, ResultFolder, muscle_keys
 from vtkmuscle.scenes import Scene
 
 #: Columns that every table has after the subject or the settings; columns of numbers follow.
@@ -29,10 +30,13 @@ COLUMNS = ("muscle", "verdict", "message", "folder")
 _LONGEST = 40
 
 Row = dict[str, Any]
+#: Warnings of a child process, for the parent process.
+Warned = list[tuple[str, type[Warning]]]
+_warned: Warned = []
 
 
 def cohort(
-    scenes: Mapping[str, Scene | str | PathLike[str]] | Sequence[str | PathLike[str]],
+    scenes: Mapping[str, Scene | str | PathLike[str]] | Sequence[Scene | str | PathLike[str]],
     out: str | PathLike[str] | None = None,
     *,
     client: Any = None,
@@ -46,11 +50,12 @@ def cohort(
 
     Parameters
     ----------
-    scenes : mapping of str to Scene or path, or sequence of path
-        Scenes by the name of the subject. A path alone is also the subject's name.
+    scenes : mapping of str to Scene or path, or sequence of Scene or path
+        Scenes by the name of the subject; by default the path, or the name of the scene.
     out : path, optional
         Folder for the results: a run folder per subject, and ``cohort.csv``. A finished run folder with
-        equal scene, frames and package is read instead of run again. Without a folder no files are kept.
+        equal scene, frames and package is read instead of run again, unless a page or figures are missing.
+        Without a folder no files are kept.
     client : distributed.Client, optional
         Of a Dask cluster with folders shared by all workers; give ``out`` with ``client``. Default: processes
         of this machine.
@@ -85,13 +90,15 @@ def cohort(
     >>> table["subject"]
     array(['anna', 'ben'], dtype='<U4')
     """
-    named = list(scenes.items()) if isinstance(scenes, Mapping) else [(str(path), path) for path in scenes]
-    labelled = [({"subject": name}, scene) for name, scene in named]
+    every = [scenes] if isinstance(scenes, str | PathLike) else scenes
+    names = [one.name if isinstance(one, Scene) else str(one) for one in every]
+    listed = scenes.values() if isinstance(scenes, Mapping) else every
+    labelled = [({"subject": name}, scene) for name, scene in zip(names, listed, strict=True)]
     return run_labelled(labelled, out, client, workers, progress, options)
 
 
 def vary(
-    scene: Scene,
+    scene: Scene | str | PathLike[str],
     *,
     out: str | PathLike[str] | None = None,
     client: Any = None,
@@ -105,10 +112,10 @@ def vary(
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or path
     out, client, workers, frames
         As of :func:`cohort`.
-    **settings : iterable
+    **settings : iterable, or a single value
         Values of each setting, as of :meth:`vtkmuscle.Scene.with_settings`. A setting is a column.
 
     Raises
@@ -126,9 +133,16 @@ def vary(
     """
     if not settings:
         raise InputError("", "no setting is varied", "give values: vary(scene, n_fibres=[50, 100])")
-    combinations = [dict(zip(settings, values, strict=True)) for values in product(*settings.values())]
-    labelled = [(values, scene.with_settings(**values)) for values in combinations]
+    scene = scene if isinstance(scene, Scene) else Scene.load(scene)
+    labelled = [(values, scene.with_settings(**values)) for values in combinations(settings)]
     return run_labelled(labelled, out, client, workers, None, {"frames": frames})
+
+
+def combinations(settings: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return all combinations of settings by name. A text or number is a single value."""
+    single = str | int | float | None
+    every = product(*([each] if isinstance(each, single) else each for each in settings.values()))
+    return [dict(zip(settings, values, strict=True)) for values in every]
 
 
 def run_labelled(
@@ -143,8 +157,11 @@ def run_labelled(
     run_options({**options, "workers": workers})
     asked = {"figures": False, "report": False, **options, "workers": 1}
     names = [folder_name(labels) for labels, _ in labelled]
-    if not names or len(set(names)) < len(names):
-        raise InputError("scenes", "two have the same name" if names else "there are none", "name each scene")
+    twice = [name for name in names if names.count(name) > 1]
+    if not names or twice:
+        words = ", ".join(map(str, labelled[names.index(twice[0])][0].values())) if twice else ""
+        problem = f"two have the same name, {words!r}" if twice else "there are none"
+        raise InputError("scenes", problem, "give each scene once, and each subject a name")
     outputs = None if out is None else Outputs(Path(out), overwrite=bool(options.get("overwrite")))
     if outputs is not None:
         outputs.check(outputs.folder / "cohort.csv")
@@ -174,41 +191,56 @@ def _solved(tasks: Sequence[tuple[Any, ...]], client: Any, workers: int) -> Iter
     """Give number and rows of each finished task, of Dask's client, of processes, or of this process."""
     if client is None and min(workers, len(tasks)) == 1:
         for number, task in enumerate(tasks):
-            yield number, _rows(*task)
+            yield number, _rows(*task)[0]
         return
     with ExitStack() as stack:  # Ctrl-C, or an error in progress(): nobody waits for scenes that still run
         if client is None:
-            pool = stack.enter_context(processes(min(workers, len(tasks))))
+            pool = stack.enter_context(processes(min(workers, len(tasks)), _keep_warnings))
         else:
             pool = client.get_executor(pure=False)
             stack.callback(pool.shutdown, wait=False)  # cancels the tasks that have not begun
         jobs = {pool.submit(_rows, *task): number for number, task in enumerate(tasks)}
         for job in as_completed(jobs):
             try:
-                yield jobs[job], job.result()
+                rows, warned = job.result()
             except BrokenExecutor:
-                yield jobs[job], [_words("the process was killed or out of memory; run it again")]
+                rows, warned = [_words("the process was killed or out of memory; run it again")], []
+            for text, category in warned:
+                warnings.warn(text, category, stacklevel=5)
+            yield jobs[job], rows
 
 
-def _rows(file: Path, out: Path | None, options: Mapping[str, Any]) -> list[Row]:
-    """Return the rows of a scene's muscles. A scene without a finished folder is run."""
+def _keep_warnings() -> None:
+    """Keep the warnings of this child process for the parent process."""
+    warnings.simplefilter("always")  # the parent process filters them
+    warnings.showwarning = lambda text, category, *_, **__: _warned.append((str(text), category))
+
+
+def _rows(file: Path, out: Path | None, options: Mapping[str, Any]) -> tuple[list[Row], Warned]:
+    """Return the rows of a scene's muscles, and kept warnings. A scene without a finished folder is run."""
+    _warned.clear()
     try:
         scene = Scene.load(file)
-        result = None if out is None or options.get("fresh") else _finished(scene, out, options.get("frames"))
+        result = None if out is None or options.get("fresh") else _finished(scene, out, options)
         if result is None:
             result = scene.run(out, **options)
     except (ValueError, OSError, MemoryError) as error:
-        return [_words(" ".join(str(error).split()) or type(error).__name__, out)]
-    return [_row(result, name, out) for name in result.muscle_names]
+        words = "; ".join(" ".join(line.split()) for line in str(error).splitlines())
+        return [_words(words or type(error).__name__, out)], [*_warned]
+    return [_row(result, name, out) for name in result.muscle_names], [*_warned]
 
 
-def _finished(scene: Scene, out: Path, frames: Any) -> Result | None:
-    """Return the result in a folder, None without a complete report of all this scene's muscles."""
-    folder = ResultFolder(out)
-    report, keys = folder.report(), muscle_keys(scene, frame_numbers(frames, len(scene.motion.times)))
+def _finished(scene: Scene, out: Path, options: Mapping[str, Any]) -> Result | None:
+    """Return the result in a folder, None without a complete report of all this scene's muscles.
+
+    None also if a page or figures are asked and missing.
+    """
+    folder, numbers = ResultFolder(out), frame_numbers(options.get("frames"), len(scene.motion.times))
+    report, keys = folder.report(), muscle_keys(scene, numbers)
     if report is None or not report["complete"] or keys.keys() != folder.finished(keys).keys():
         return None
-    return Result.load(out)
+    there = {"report": (out / PAGE).exists(), "figures": "figures" in report}
+    return Result.load(out) if all(there[name] or not options[name] for name in there) else None
 
 
 def _words(message: str, out: Path | None = None, muscle: str = "", verdict: str = "failed") -> Row:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,8 +22,9 @@ from vtkmuscle.filters.taut_paths import PATH_PRESETS
 from vtkmuscle.io.literature import curves_for, drawn
 from vtkmuscle.io.writing import Outputs
 from vtkmuscle.run import Result, Table
+from vtkmuscle.scene.sense import check_sense
 from vtkmuscle.scenes import Scene
-from vtkmuscle.studies import Row, folder_name, run_labelled
+from vtkmuscle.studies import Row, combinations, folder_name, run_labelled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -89,19 +89,18 @@ class Tradeoff:
 
         whole = self.table.where(muscle=ALL)
         shown = [name for name in ERRORS if np.isfinite(whole[name]).any()]
-        figure = blank_figure(5.2 * max(len(shown), 1), 4.4, "constrained")
+        figure = blank_figure(5.2 * max(len(shown), 1) + 2.0, 4.4, "constrained")
         panels = figure.subplots(1, max(len(shown), 1), squeeze=False)[0]
-        labels = [", ".join(str(whole[name][i]) for name in self.settings) for i in range(len(whole["ms"]))]
         for axes, name in zip(panels, shown, strict=False):
-            for i, label in enumerate(labels):
-                at = whole["ms"][i], whole[name][i]
-                if np.isfinite(at[1]):
-                    (point,) = axes.plot(*at, "o")
-                    look = {"textcoords": "offset points", "fontsize": 7, "color": point.get_color()}
-                    axes.annotate(label, at, (4, 4), **look)
-            most = np.nanmax(whole["ms"]), np.nanmax(whole[name])
-            axes.set(xlim=(0.0, 1.4 * most[0]), ylim=(0.0, 1.1 * most[1] or 1.0))  # room for the labels
+            for i, (ms, error) in enumerate(zip(whole["ms"], whole[name], strict=True)):
+                label = ", ".join(str(whole[setting][i]) for setting in self.settings)
+                look = {"color": f"C{i % 10}", "markersize": 9, "alpha": 0.7}
+                axes.plot(ms, error, "osD^vP*"[i // 10 % 7], label=label, **look)
+            most = 1.1 * np.nanmax([whole["ms"], whole[name]], axis=1)
+            axes.set(xlim=(0.0, most[0]), ylim=(0.0, most[1] or 1.0))
             axes.set(xlabel="processor time a pose [ms]", ylabel=ERRORS[name])
+        look = {"title": ", ".join(self.settings), "frameon": False}
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", **look)
         return figure
 
     def write(self, folder: str | PathLike[str]) -> list[Path]:
@@ -114,7 +113,7 @@ class Tradeoff:
 
 
 def tradeoff(
-    scene: Scene,
+    scene: Scene | str | PathLike[str],
     out: str | PathLike[str] | None = None,
     *,
     frames: str | slice | range | int | None = None,
@@ -130,7 +129,7 @@ def tradeoff(
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or path
     out : path, optional
         Folder for the runs, the table and the figure; finished runs in the folder are read instead of run
         again. Default: no files are kept.
@@ -138,7 +137,7 @@ def tradeoff(
         As of :func:`vtkmuscle.cohort`.
     workers : int, optional
         Number of processes; runs side by side disturb each other's times.
-    **settings : iterable
+    **settings : iterable, or a single value
         Values as of :func:`vtkmuscle.vary`; default: :data:`TRIED`.
 
     Raises
@@ -159,14 +158,15 @@ def tradeoff(
     >>> result.cheapest(within=1.0)["deformer"]
     'none'
     """
-    varied = {name: tuple(values) for name, values in (settings or TRIED).items()}
-    tried = [dict(zip(varied, values, strict=True)) for values in product(*varied.values())]
+    scene = scene if isinstance(scene, Scene) else Scene.load(scene)
+    check_sense(scene)
+    varied, tried = tuple(settings or TRIED), combinations(settings or TRIED)
     plain = _without(scene, _OF_QUALITY) if "quality" in varied else scene
+    labelled = [(values, plain.with_settings(**values)) for values in tried]
     deformers = dict.fromkeys(values.get("deformer", scene.deformer) for values in tried)
-    finest = {name: max(values) for name, values in varied.items() if name == "n_fibres"}
+    finest = {name: max(values[name] for values in tried) for name in varied if name == "n_fibres"}
     limits = {name: {"deformer": name, "quality": "accurate", **finest, **LIMITS[name]} for name in deformers}
     bare = _without(scene, _OF_QUALITY)
-    labelled = [(values, plain.with_settings(**values)) for values in tried]
     labelled += [({"limit": name}, bare.with_settings(**values)) for name, values in limits.items()]
     options = {"frames": frames, "overwrite": overwrite, "clock": time.process_time, "sense": False}
     with TemporaryDirectory() as temporary:
@@ -185,7 +185,7 @@ def tradeoff(
             for name, row in ({ALL: _together(measured)} | measured).items():
                 rows.append([*values.values(), name, *row.values(), message])
         columns = (*varied, "muscle", "verdict", "ms", *ERRORS, "message")
-        found = Tradeoff(Table(columns, rows), tuple(varied))
+        found = Tradeoff(Table(columns, rows), varied)
         if out is not None:
             with Outputs(folder, overwrite=overwrite):
                 found.write(folder)

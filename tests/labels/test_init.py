@@ -118,6 +118,15 @@ def test_what_is_missing_is_named(files, tmp_path, keep, words):
     assert not (tmp_path / "scene").exists()
 
 
+@pytest.mark.parametrize("option", ["--bone", "--muscle"])
+def test_a_stated_name_without_a_mesh_and_a_folder_are_errors(files, tmp_path, option):
+    """A misspelt name was ignored; a folder was a file with an unknown name."""
+    done = init(*files, option, "pelvs", "--out", tmp_path / "scene")
+    assert f"error: {option}: no mesh has the name 'pelvs'; did you mean 'pelvis'?" in done.stderr
+    done = init(tmp_path, "--out", tmp_path / "scene")
+    assert f"error: {tmp_path}: this is a folder, not a file" in done.stderr
+
+
 def test_a_name_that_says_nothing_needs_a_word(files, tmp_path):
     odd = files[2].rename(tmp_path / "part 7.vtp")
     given = [files[0], files[1], odd]

@@ -116,11 +116,14 @@ def test_what_is_not_evaluated_is_said(tmp_path):
     passive = passive.replace('Millard2012EquilibriumMuscle name="m"', 'Ligament name="l"')
     text = text.replace("<Millard", f'<MyPlugin name="p"/>{passive}<Millard', 1)
     (tmp_path / "leg.osim").write_text(text)
-    words = str(check_model(tmp_path / "leg.osim"))
+    words = repr(check_model(tmp_path / "leg.osim"))
     assert words.startswith("1 of 2 muscles and 1 of 1 ligaments evaluated")
     assert "(no coordinate with a range): still; coordinates without a range, not swept: adduction" in words
     assert "left out: ForceSet: line" in words
     assert "MyPlugin 'p'" in words
+    (tmp_path / "bones.osim").write_text(osim_of(tree, []))
+    with pytest.raises(ValueError, match=r"bones\.osim: the model has no muscles or ligaments"):
+        check_model(tmp_path / "bones.osim")
 
 
 def test_a_wrapped_ligament_beside_a_plugins_force_is_opensims(tmp_path):

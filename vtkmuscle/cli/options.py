@@ -99,6 +99,8 @@ def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, s
         ours, _, theirs = text.partition("=")
         if not ours or not theirs:
             raise InputError(option, f"{text!r} is no pair", "write both sides of the =")
+        if ours in names:
+            raise InputError(option, f"{ours!r} is given twice", "give each name once, with all its values")
         names[ours] = theirs
     return names
 

@@ -235,7 +235,7 @@ class LabelOptions:
     """The options of a scene from labels."""
 
     names: Annotated[str | None, Option(help="musclemap, a task of TotalSegmentator, or a .csv.")] = None
-    edge: Annotated[float | None, Option(help="Edges [mm]. Default: 2 voxels, at most 3 mm.")] = None
+    edge: Annotated[float | None, Option(metavar="MM", help="Edges. Default: 2 voxels, at most 3 mm.")] = None
     frame: FrameOption = "LPS"
     overwrite: shared.OverwriteOption = False
     quiet: shared.QuietOption = False

@@ -16,6 +16,7 @@ from vtkmuscle.core.errors import InputError, check_is_file, fault_of
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.motion.coordinates import MILLIMETRES
+from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.anatomy import plain_name, side_of
 from vtkmuscle.data.arrays import checked_surface, points_of, with_points
 from vtkmuscle.data.attachments import ROLES, VIA, AttachmentArea
@@ -222,6 +223,7 @@ def draft_of_files(
     draft = Draft(out.resolve().name or "scene", frame=frame)
     landmarks, meshes = [], {}
     for file in files:
+        check_is_file(file)
         name = plain_name(file.name.partition(".")[0])
         if _AREA.match(_roles_name(file)):
             landmarks.append(file)
@@ -232,7 +234,6 @@ def draft_of_files(
             raise InputError(file, "the file name has no known bone, muscle, or area of a muscle", remedy)
         if name in meshes:
             raise InputError(file, f"another file has the name {name!r}", "remove or rename a file")
-        check_is_file(file)
         if (header := stated_frame(file) or frame) != frame:
             problem = f"the header says {header}, but the frame is {frame}"
             raise InputError(file, problem, f"use --frame {header}")
@@ -240,6 +241,9 @@ def draft_of_files(
         confidence = 1.0 if name in stated else 0.8
         draft.guess(f"{kind}s.{name}", kind, confidence, f"a {kind} by its name, {file.name}")
         draft.surfaces[f"{kind}s/{name}.vtp"] = Path(relpath(file, out)).as_posix()
+    if unknown := stated.keys() - meshes:
+        problem = f"no mesh has the name {min(unknown)!r}"
+        raise InputError(f"--{stated[min(unknown)]}", problem, suggestion(min(unknown), meshes))
     if not meshes:
         raise InputError("", "there is no surface of a bone or a muscle", "give mesh files")
     longest = float(max(np.ptp(points_of(mesh), axis=0).max() for _, mesh in meshes.values()))

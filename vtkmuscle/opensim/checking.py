@@ -67,7 +67,7 @@ class PathFault:
         return [*names, 1000.0 * self.size, at, self.unit, self.sweeps, words]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ModelCheck:
     """The faults of a model's muscles and ligaments, grouped by path, the largest jumps first.
 
@@ -82,7 +82,7 @@ class ModelCheck:
     not_swept: tuple[str, ...] = ()
     still: tuple[str, ...] = ()
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         """Return the number of paths evaluated here and by OpenSim, and the parts left out."""
         left_out = {*self.not_checked, *self.still}
         counts = [
@@ -149,6 +149,10 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
         As :func:`~vtkmuscle.opensim.read_osim` and :func:`~vtkmuscle.opensim.read_mjcf`.
     """
     model = read_mjcf(path) if Path(path).suffix.lower() == ".xml" else read_osim(path)
+    if not model.paths:
+        raise InputError(
+            Path(path), "the model has no muscles or ligaments to check", "give a model with muscles"
+        )
     winding = [name for name, each in model.paths.items() if getattr(each.path, "wraps", ())]
     if isinstance(model, MujocoModel):
         winding = []
