@@ -177,7 +177,7 @@ def test_a_grid_of_7_by_19_poses_has_levers_by_both_coordinates_in_all_of_them(k
         )
         assert np.isnan(values).sum() == sweeps - 1
         rows = np.append(values, np.nan).reshape(sweeps, steps + 1)
-        np.testing.assert_array_equal(rows[:, :-1], np.tile(np.unique(grid[name]), (sweeps, 1)))
+        np.testing.assert_allclose(rows[:, :-1], np.tile(np.unique(grid[name]), (sweeps, 1)), atol=1e-9)
 
 
 def test_coordinates_that_change_together_have_levers_only_where_the_joint_is_known():
