@@ -178,13 +178,9 @@ def _project_length(b: Floats, c: Floats, k: int) -> None:
     length = math.sqrt(x * x + y * y + z * z)
     s = c[4 * WIDTH + k] * (length - c[5 * WIDTH + k]) / (2.0 * length)
     s = s if length > 0.0 else 0.0
-    si, sj = c[k] * s, c[WIDTH + k] * s
-    b[k] -= si * x
-    b[WIDTH + k] -= si * y
-    b[2 * WIDTH + k] -= si * z
-    b[3 * WIDTH + k] += sj * x
-    b[4 * WIDTH + k] += sj * y
-    b[5 * WIDTH + k] += sj * z
+    for axis, apart in enumerate((x, y, z)):
+        b[axis * WIDTH + k] -= c[k] * s * apart
+        b[(3 + axis) * WIDTH + k] += c[WIDTH + k] * s * apart
 
 
 @lane
@@ -213,21 +209,12 @@ def _project_angle(b: Floats, c: Floats, k: int, signed: bool) -> None:
     s = c[6 * WIDTH + k] * off * math.sqrt(ee) / squares
     s = s if proper & (squares > 0.0) else 0.0
     s1, s2 = s * n22, s * n11
-    t1, t2 = -c[k] * s1 * a1, -c[k] * s2 * b1
-    b[k] += t1 * n1x + t2 * n2x
-    b[WIDTH + k] += t1 * n1y + t2 * n2y
-    b[2 * WIDTH + k] += t1 * n1z + t2 * n2z
-    t1, t2 = -c[WIDTH + k] * s1 * a2, -c[WIDTH + k] * s2 * b2
-    b[3 * WIDTH + k] += t1 * n1x + t2 * n2x
-    b[4 * WIDTH + k] += t1 * n1y + t2 * n2y
-    b[5 * WIDTH + k] += t1 * n1z + t2 * n2z
-    t1, t2 = c[2 * WIDTH + k] * s1 * ee, c[3 * WIDTH + k] * s2 * ee
-    b[6 * WIDTH + k] += t1 * n1x
-    b[7 * WIDTH + k] += t1 * n1y
-    b[8 * WIDTH + k] += t1 * n1z
-    b[9 * WIDTH + k] += t2 * n2x
-    b[10 * WIDTH + k] += t2 * n2y
-    b[11 * WIDTH + k] += t2 * n2z
+    for axis, (n1, n2) in enumerate(((n1x, n2x), (n1y, n2y), (n1z, n2z))):
+        at = axis * WIDTH + k
+        b[at] -= c[k] * (s1 * a1 * n1 + s2 * b1 * n2)
+        b[3 * WIDTH + at] -= c[WIDTH + k] * (s1 * a2 * n1 + s2 * b2 * n2)
+        b[6 * WIDTH + at] += c[2 * WIDTH + k] * s1 * ee * n1
+        b[9 * WIDTH + at] += c[3 * WIDTH + k] * s2 * ee * n2
 
 
 @lane
