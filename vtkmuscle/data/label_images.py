@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkQuadricDecimation
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.mesh.surface import edge_uses, point_components, survey, unique_edges
-from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.core.motion.rigid import apply_transform, frame_at
 from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data.arrays import add_arrays, checked_surface, field_array, field_strings, surface_from
 
@@ -56,11 +57,9 @@ class LabelField:
         within = np.clip(index, 0.0, np.array(self.values.shape)[::-1] - 1.0)
         away = (index - within) @ self.frame[:3, :3].T
         beyond = np.linalg.norm(away, axis=1)
-        value = _interpolated(self.values, within) + beyond
-        ends = (
-            [_interpolated(self.values, within + sign * step) for sign in (1, -1)] for step in 0.5 * np.eye(3)
-        )
-        differences = [ahead - behind for ahead, behind in ends]
+        distance = partial(_interpolated, self.values)
+        value = distance(within) + beyond
+        differences = [distance(within + step) - distance(within - step) for step in 0.5 * np.eye(3)]
         slope = np.column_stack(differences) @ np.linalg.inv(self.frame[:3, :3])
         outside = beyond > 0.0
         slope[outside] = away[outside] / beyond[outside, None]
@@ -104,8 +103,7 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
     solid = np.pad(piece[box], MARGIN)
     hollow = ndimage.label(~solid)[0] > 1  # the corner's part is the first
     solid |= hollow
-    placed = frame.copy()
-    placed[:3, 3] += frame[:3, :3] @ [axis.start - MARGIN for axis in box[::-1]]
+    placed = frame @ frame_at([axis.start - MARGIN for axis in box[::-1]])
     spacing = np.linalg.norm(frame[:3, :3], axis=0)
     boundary = ndimage.distance_transform_edt(~solid, sampling=spacing[::-1]).astype(np.float32)
     boundary -= ndimage.distance_transform_edt(solid, sampling=spacing[::-1]).astype(np.float32)
@@ -149,8 +147,7 @@ class Label:
 
     def field(self, smoothing: float) -> LabelField:
         """Return the smooth signed distance, by :func:`label_field`."""
-        placed = self.frame.copy()
-        placed[:3, 3] += self.frame[:3, :3] @ [axis.start for axis in self.box[::-1]]
+        placed = self.frame @ frame_at([axis.start for axis in self.box[::-1]])
         ends = ((axis.start, axis.stop, size) for axis, size in zip(self.box, self.voxels.shape, strict=True))
         inner = tuple(slice(int(a == 0), b - a - int(b == size)) for a, b, size in ends)
         return label_field(self.voxels[self.box] == self.value, placed, inner, smoothing=smoothing)

@@ -34,8 +34,7 @@ def mesh_of(solid: Solid, spacing: float, n_triangles: int) -> tuple[Floats, Int
 
 
 def _grid(origin: Floats, shape: NDArray[np.int_], spacing: float) -> Floats:
-    axes = [origin[i] + spacing * np.arange(shape[i]) for i in range(3)]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    return np.asarray(origin + spacing * np.moveaxis(np.indices(tuple(shape)), 0, -1))
 
 
 def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tuple[Floats, Ints]:
