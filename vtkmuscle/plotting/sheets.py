@@ -116,9 +116,7 @@ def sheet(panels: Sequence[Panel], title: str, units: str, width: float, *, bott
     top = 0.25 if title else 0.0
     heights = [max(p.inches[1] for p in row) + header for row in rows]
     height = top + bottom + sum(heights)
-    figure = blank_figure(wide, height)
-    if title:
-        figure.text(0.5, 1.0 - 0.15 / height, title, ha="center", va="center", fontsize="large")
+    figure = blank_figure(wide, height, title=title)
     y = height - top
     for row, row_height in zip(rows, heights, strict=True):
         x = (wide - sum(p.inches[0] + _GAP for p in row) + _GAP) / 2.0
@@ -135,10 +133,11 @@ def set_style() -> None:
     rcParams.update(_STYLE)
 
 
-def blank_figure(width: float, height: float, layout: Any = None) -> Figure:
-    """Return a white figure of a size [inches], with a layout of matplotlib."""
+def blank_figure(width: float, height: float, layout: Any = None, *, title: str = "") -> Figure:
+    """Return a white figure of a size [inches], with a title at its top and a layout of matplotlib."""
     figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, facecolor="white", layout=layout)
     FigureCanvasAgg(figure)
+    figure.text(0.5, 1.0 - 0.15 / height, title, ha="center", va="center", fontsize="large")
     return figure
 
 

@@ -106,11 +106,9 @@ def rows_of_edges(points_of_edges: Ints, n_points: int) -> NDArray[np.int64]:
     most = 4 * int(np.bincount(points_of_edges[points_of_edges >= 0], minlength=1).max())
     _first_fit(points_of_edges, np.zeros((n_points, most), dtype=np.bool_), colours)
     order = np.argsort(colours, kind="stable")
-    rows = []
-    for colour in np.split(order, np.flatnonzero(np.diff(colours[order])) + 1):
-        room = np.full(-len(colour) % WIDTH, -1)
-        rows.append(np.concatenate([colour, room]).reshape(-1, WIDTH))
-    return np.concatenate(rows)
+    groups = np.split(order, np.flatnonzero(np.diff(colours[order])) + 1)
+    filled = [np.pad(group, (0, -len(group) % WIDTH), constant_values=-1) for group in groups]
+    return np.concatenate(filled).reshape(-1, WIDTH)
 
 
 @kernel
