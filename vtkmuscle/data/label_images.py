@@ -168,8 +168,7 @@ def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
     voxels = voxels.reshape(image.GetDimensions()[::-1])
     values, texts = field_array(image, VALUES), field_strings(image, NAMES)
     names = {} if values is None else dict(zip(values.astype(int).tolist(), texts, strict=False))
-    matrix = image.GetIndexToPhysicalMatrix()
-    frame = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
+    frame = np.array(image.GetIndexToPhysicalMatrix().GetData()).reshape(4, 4)
     frame[:3, 3] += frame[:3, :3] @ image.GetExtent()[::2]
     if not (np.isfinite(frame).all() and abs(np.linalg.det(frame)) > 0.0):
         raise InputError(where, "origin, spacing or direction are not finite, or flat", "correct the header")
