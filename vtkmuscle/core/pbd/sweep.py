@@ -252,11 +252,9 @@ def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
     the order of the edge's ends; "if both vectors are collinear, the result will be zero" calls for the
     absolute value. The directions v (k, 3) of the fibres are unit vectors, 0 at edges without a direction.
     """
-    difference = points[edges[:, 1]] - points[edges[:, 0]]
-    lengths = np.linalg.norm(difference, axis=1)
-    along = np.abs(np.einsum("ij,ij->i", difference, directions))
-    cosines = np.divide(along, lengths, out=np.zeros(len(edges)), where=lengths > 0)
-    return np.asarray(1.0 - np.clip(cosines, 0.0, 1.0))
+    along = unit_vectors(points[edges[:, 1]] - points[edges[:, 0]])
+    cosines = np.abs(np.einsum("ij,ij->i", along, directions))
+    return np.asarray(1.0 - np.minimum(cosines, 1.0))
 
 
 def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) -> Floats:
