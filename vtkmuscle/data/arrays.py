@@ -10,7 +10,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import get_numpy_array_type, get_vtk_array_type, vtk_to_numpy
-from vtkmodules.vtkCommonCore import VTK_ID_TYPE, vtkDataArray, vtkIdList, vtkPoints, vtkStringArray
+from vtkmodules.vtkCommonCore import VTK_ID_TYPE, vtkDataArray, vtkPoints, vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 
@@ -85,16 +85,10 @@ def joined_triangles(surface: vtkPolyData) -> tuple[vtkPolyData, list[str]]:
     for kind, ids in copied:
         source, target = (getattr(data, f"Get{kind}Data")() for data in (surface, result))
         target.CopyAllocate(source, len(ids))
-        target.CopyData(source, *map(_id_list, (ids, np.arange(len(ids)))))
+        for new, old in enumerate(ids.tolist()):
+            target.CopyData(source, old, new)
     result.GetFieldData().ShallowCopy(surface.GetFieldData())
     return result, [*changes, f"{len(points)} points were joined to {len(kept)} by equal coordinates"]
-
-
-def _id_list(ids: Ints) -> vtkIdList:
-    ids_list = vtkIdList()
-    for i in ids.tolist():
-        ids_list.InsertNextId(i)
-    return ids_list
 
 
 def vtk_points(points: Floats) -> vtkPoints:

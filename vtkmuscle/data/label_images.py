@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkQuadricDecimation
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.mesh.surface import edge_uses, point_components, survey, unique_edges
-from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.core.motion.rigid import apply_transform, frame_at
 from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data.arrays import add_arrays, checked_surface, field_array, field_strings, surface_from
 
@@ -56,11 +57,9 @@ class LabelField:
         within = np.clip(index, 0.0, np.array(self.values.shape)[::-1] - 1.0)
         away = (index - within) @ self.frame[:3, :3].T
         beyond = np.linalg.norm(away, axis=1)
-        value = _interpolated(self.values, within) + beyond
-        ends = (
-            [_interpolated(self.values, within + sign * step) for sign in (1, -1)] for step in 0.5 * np.eye(3)
-        )
-        differences = [ahead - behind for ahead, behind in ends]
+        distance = partial(_interpolated, self.values)
+        value = distance(within) + beyond
+        differences = [distance(within + step) - distance(within - step) for step in 0.5 * np.eye(3)]
         slope = np.column_stack(differences) @ np.linalg.inv(self.frame[:3, :3])
         outside = beyond > 0.0
         slope[outside] = away[outside] / beyond[outside, None]
@@ -104,8 +103,7 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
     solid = np.pad(piece[box], MARGIN)
     hollow = ndimage.label(~solid)[0] > 1  # the corner's part is the first
     solid |= hollow
-    placed = frame.copy()
-    placed[:3, 3] += frame[:3, :3] @ [axis.start - MARGIN for axis in box[::-1]]
+    placed = frame @ frame_at([axis.start - MARGIN for axis in box[::-1]])
     spacing = np.linalg.norm(frame[:3, :3], axis=0)
     boundary = ndimage.distance_transform_edt(~solid, sampling=spacing[::-1]).astype(np.float32)
     boundary -= ndimage.distance_transform_edt(solid, sampling=spacing[::-1]).astype(np.float32)
@@ -149,8 +147,7 @@ class Label:
 
     def field(self, smoothing: float) -> LabelField:
         """Return the smooth signed distance, by :func:`label_field`."""
-        placed = self.frame.copy()
-        placed[:3, 3] += self.frame[:3, :3] @ [axis.start for axis in self.box[::-1]]
+        placed = self.frame @ frame_at([axis.start for axis in self.box[::-1]])
         ends = ((axis.start, axis.stop, size) for axis, size in zip(self.box, self.voxels.shape, strict=True))
         inner = tuple(slice(int(a == 0), b - a - int(b == size)) for a, b, size in ends)
         return label_field(self.voxels[self.box] == self.value, placed, inner, smoothing=smoothing)
@@ -171,8 +168,7 @@ def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
     voxels = voxels.reshape(image.GetDimensions()[::-1])
     values, texts = field_array(image, VALUES), field_strings(image, NAMES)
     names = {} if values is None else dict(zip(values.astype(int).tolist(), texts, strict=False))
-    matrix = image.GetIndexToPhysicalMatrix()
-    frame = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
+    frame = np.array(image.GetIndexToPhysicalMatrix().GetData()).reshape(4, 4)
     frame[:3, 3] += frame[:3, :3] @ image.GetExtent()[::2]
     if not (np.isfinite(frame).all() and abs(np.linalg.det(frame)) > 0.0):
         raise InputError(where, "origin, spacing or direction are not finite, or flat", "correct the header")
@@ -202,20 +198,13 @@ LONGEST = 3000.0
 
 def isosurface(values: Floats, origin: Floats, spacing: float) -> tuple[Floats, Ints]:
     """Return the outward zero surface of grid values."""
-    image = vtkImageData()
-    image.SetDimensions(*values.shape)
-    image.SetOrigin(*origin)
-    image.SetSpacing(spacing, spacing, spacing)
+    image = vtkImageData(dimensions=values.shape, origin=tuple(origin), spacing=(spacing,) * 3)
     # VTK's isosurface faces falling values: the changed sign makes the surface face outward.
     add_arrays(image, points={"inside": -values.ravel(order="F")})
     image.GetPointData().SetActiveScalars("inside")
-    contour = vtkFlyingEdges3D()
-    contour.SetInputData(image)
+    contour = vtkFlyingEdges3D(input_data=image, compute_normals=False, compute_scalars=False)
     contour.SetValue(0, 0.0)
-    contour.ComputeNormalsOff()
-    contour.ComputeScalarsOff()
-    contour.Update()
-    return checked_surface(contour.GetOutput(), "isosurface")
+    return checked_surface(contour.update().output, "isosurface")
 
 
 def evened(
@@ -247,12 +236,9 @@ def decimated(
     points: Floats, triangles: Ints, n_triangles: int, *, regular: bool = False
 ) -> tuple[Floats, Ints]:
     """Return a surface of about `n_triangles` (Garland, Heckbert 1997, doi:10.1145/258734.258849)."""
-    decimation = vtkQuadricDecimation()
-    decimation.SetRegularize(regular)
-    decimation.SetInputData(surface_from(points, triangles))
-    decimation.SetTargetReduction(1.0 - n_triangles / len(triangles))
-    decimation.Update()
-    return checked_surface(decimation.GetOutput(), "the decimated surface")
+    part, surface = 1.0 - n_triangles / len(triangles), surface_from(points, triangles)
+    decimation = vtkQuadricDecimation(input_data=surface, target_reduction=part, regularize=regular)
+    return checked_surface(decimation.update().output, "the decimated surface")
 
 
 def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:

@@ -78,13 +78,12 @@ def muscle_summary(fibres: vtkPolyData) -> dict[str, Any]:
     >>> round(summary["MuscleVolume"]), round(summary["PCSA"])
     (96000, 800)
     """
-    named = {name: field_array(fibres, name) for name in (*_WHOLE, "LineOfAction", "CentroidPath")}
-    arrays = {name: np.asarray(values, np.float64) for name, values in named.items() if values is not None}
-    summary: dict[str, Any] = {name: float(arrays[name][0]) for name in _WHOLE if name in arrays}
-    if "LineOfAction" in arrays:
-        summary["LineOfAction"] = arrays["LineOfAction"].ravel().tolist()
-    if "CentroidPath" in arrays:
-        steps = np.diff(arrays["CentroidPath"].reshape(-1, 3), axis=0)
+    whole = {name: values for name in _WHOLE if (values := field_array(fibres, name)) is not None}
+    summary: dict[str, Any] = {name: float(values[0]) for name, values in whole.items()}
+    if (line := field_array(fibres, "LineOfAction")) is not None:
+        summary["LineOfAction"] = line.ravel().tolist()
+    if (path := field_array(fibres, "CentroidPath")) is not None:
+        steps = np.diff(path.reshape(-1, 3), axis=0)
         summary["CentroidPathLength"] = float(np.linalg.norm(steps, axis=1).sum())
     return summary
 

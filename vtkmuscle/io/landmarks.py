@@ -166,14 +166,13 @@ def _is_number(cell: str) -> bool:
 def _from_json(path: Path) -> NamedPoints:
     try:
         content = json.loads(path.read_text(encoding="utf-8-sig"))
-        if isinstance(content, dict) and "markups" in content:
-            return _from_markups(content, path)
-        points = np.array(content, dtype=np.float64)
-    except InputError:
-        raise
+        is_markups = isinstance(content, dict) and "markups" in content
+        points = np.empty(0) if is_markups else np.array(content, dtype=np.float64)
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
         why = str(error).partition("\n")[0]
         raise InputError(path, f"the file is not a JSON list of [x, y, z]: {why}") from error
+    if is_markups:
+        return _from_markups(content, path)
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
         raise InputError(path, "the file must hold a list of [x, y, z], one per landmark")
     return NamedPoints(("",) * len(points), points)

@@ -110,23 +110,22 @@ def _poses(
     path: Path, rows: Sequence[tuple[int, Mapping[str, str]]], time: str | None, columns: Iterable[str]
 ) -> tuple[Floats, Floats, dict[str, Floats]]:
     """Return times (t,), transforms (t, 4, 4), and the values of further columns. Of a bone's rows."""
-    where = [f"line {line} (row {row})" for row, (line, _) in enumerate(rows)]
+    placed = [(f"line {line} (row {row})", cells) for row, (line, cells) in enumerate(rows)]
 
     def column(name: str) -> Floats:
-        numbers = (
-            finite_number(cells[name], name, path, at) for at, (_, cells) in zip(where, rows, strict=True)
-        )
-        return np.array(list(numbers)) if name in rows[0][1] else np.full(len(rows), float(name == "T33"))
+        if name not in rows[0][1]:  # of the row 0 0 0 1
+            return np.full(len(rows), float(name == "T33"))
+        return np.array([finite_number(cells[name], name, path, where) for where, cells in placed])
 
     times = np.arange(len(rows), dtype=np.float64) if time is None else column(time)
     for row in np.flatnonzero(np.diff(times) <= 0.0) + 1:
         problem = f"the times ({time}) must ascend, but {times[row]:g} comes after {times[row - 1]:g}"
         remedy = "sort the rows, or omit the time column to number the rows"
-        raise InputError(path, f"{where[row]}: {problem}", remedy)
+        raise InputError(path, f"{placed[row][0]}: {problem}", remedy)
     transforms = np.stack([column(name) for name in TRANSFORM_COLUMNS], axis=1).reshape(-1, 4, 4)
     for row in np.flatnonzero(~are_rigid(transforms)):
         problem = f"the transform is not rigid: {_why_not_rigid(transforms[row])}"
-        raise InputError(path, f"{where[row]}: {problem}")
+        raise InputError(path, f"{placed[row][0]}: {problem}")
     return times, transforms, {name: column(name) for name in columns}
 
 

@@ -13,6 +13,7 @@ invisible landmark is zero.
 from __future__ import annotations
 
 from collections.abc import Container
+from itertools import chain, count
 from os import PathLike
 from pathlib import Path
 
@@ -95,8 +96,5 @@ def _matrix(element: Element, kind: str) -> Floats:
 
 def _unused(name: str, taken: Container[str]) -> str:
     """Return a free name, with a number if necessary."""
-    number, candidate = 1, name
-    while candidate in taken:
-        number += 1
-        candidate = f"{name} ({number})"
-    return candidate
+    numbered = (f"{name} ({number})" for number in count(2))
+    return next(free for free in chain([name], numbered) if free not in taken)

@@ -169,8 +169,6 @@ def read_xml(path: Path) -> Element:
         why = expat.errors.messages.get(error.code, "") if isinstance(error.code, int) else str(error)
         problem = f"line {error.lineno}: the file is not XML: {why}"
         raise InputError(path, problem, "export it again") from error
-    except UnicodeEncodeError as error:
-        raise InputError(path, "the file is not text", "export it again") from error
     return outermost.children[0]
 
 

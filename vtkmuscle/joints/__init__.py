@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import product
 
 import numpy as np
 
@@ -39,7 +38,7 @@ def grid_of(axes: Mapping[str, Floats]) -> dict[str, Floats]:
     [0.0, 1.0, 2.0, 2.0, 1.0, 0.0]
     """
     sizes = [len(values) for values in axes.values()]
-    rows = np.array(list(product(*(range(size) for size in sizes))), dtype=np.int64)
+    rows = np.indices(sizes).reshape(len(sizes), -1).T
     for column in range(1, len(sizes)):
         # A coordinate goes to and fro by the number of turns of the coordinates before.
         back = (np.arange(len(rows)) // int(np.prod(sizes[column:]))) % 2 == 1

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.normals import perpendiculars
 from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.joints.functions import CoordinateFunction
 from vtkmuscle.joints.tree import HALF_STEP, KinematicTree
@@ -98,9 +99,7 @@ class Cylinder:
     def frame(self) -> Floats:
         """A frame (3, 3) with z along the axis."""
         z = self.axis / np.linalg.norm(self.axis)
-        x = np.cross(z, np.eye(3)[np.abs(z).argmin()])
-        x /= np.linalg.norm(x)
-        return np.column_stack([x, np.cross(z, x), z])
+        return np.column_stack([*perpendiculars(z), z])
 
     def segments(self, pose: Floats, first: Floats, second: Floats) -> tuple[Floats, Floats]:
         """Return lengths and sides (f,) of segments between points (f, 3).

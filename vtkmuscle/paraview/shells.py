@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partialmethod
 from typing import Any
 
 from vtkmodules.vtkCommonCore import vtkOutputWindow
@@ -90,7 +90,7 @@ class Shell(Filter):
         self._given: dict[str, Any] = {}
         super().__init__(**parameters)
 
-    def take(self, name: str, shown: Property, values: tuple[Any, ...]) -> None:
+    def take(self, name: str, shown: Property, *values: Any) -> None:
         """Set a parameter from a value of ParaView."""
         refused = self._refused.pop(name, None)
         try:
@@ -135,18 +135,10 @@ def shell_of(kind: type[Filter], module: str) -> type[Shell]:
     members: dict[str, Any] = {"__module__": module, "__doc__": kind.__doc__}
     for name, parameter in kind.parameter_declarations.items():
         for shown in properties_of(parameter):
-            members[shown.command] = _setter(name, shown)
+            members[shown.command] = partialmethod(Shell.take, name, shown)
     for name, information in informations_of(kind).items():
         members[information.attrib["command"]] = lambda self, name=name: getattr(self, name)
     return type(kind.__name__, (Shell, kind), members)
-
-
-def _setter(name: str, shown: Property) -> Callable[..., None]:
-    def set_property(self: Shell, *values: Any) -> None:
-        self.take(name, shown, values)
-
-    set_property.__name__ = shown.command
-    return set_property
 
 
 def _words(failure: BaseException) -> str:

@@ -34,8 +34,7 @@ def mesh_of(solid: Solid, spacing: float, n_triangles: int) -> tuple[Floats, Int
 
 
 def _grid(origin: Floats, shape: NDArray[np.int_], spacing: float) -> Floats:
-    axes = [origin[i] + spacing * np.arange(shape[i]) for i in range(3)]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    return np.asarray(origin + spacing * np.moveaxis(np.indices(tuple(shape)), 0, -1))
 
 
 def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tuple[Floats, Ints]:
@@ -45,9 +44,8 @@ def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tup
     """
     z, r = np.asarray(heights, dtype=np.float64), np.asarray(radii, dtype=np.float64)
     angles = 2.0 * np.pi * np.arange(sides) / sides
-    rings = np.empty((len(z), sides, 3))
-    rings[..., 0], rings[..., 1] = np.outer(r, np.cos(angles)), np.outer(r, np.sin(angles))
-    rings[..., 2] = z[:, None]
+    across = np.outer(r, np.cos(angles)), np.outer(r, np.sin(angles))
+    rings = np.dstack([*across, np.outer(z, np.ones(sides))])
     number = np.arange(len(z) * sides).reshape(len(z), sides)
     a, b = number[:-1], np.roll(number[:-1], -1, axis=1)
     d, c = number[1:], np.roll(number[1:], -1, axis=1)

@@ -212,9 +212,8 @@ def plot_moment_arms(
     left, above = (1.05 * across, 0.0) if beside else (0.0, 1.1 * high)
     curves_high, title = _HEIGHT * len(arms), rest.label if rest is not None else ""
     height = curves_high + above + (0.25 if title else 0.0)
-    figure = sheets.blank_figure(wide, height)
+    figure = sheets.blank_figure(wide, height, title=title)
     figure.set_layout_engine("constrained", rect=(left / wide, 0.0, 1.0 - left / wide, curves_high / height))
-    figure.text(0.5, 1.0 - 0.15 / height, title, ha="center", va="center", fontsize="large")
     if panel is not None:
         corner = (0.05, curves_high - high - 0.05) if beside else ((wide - across) / 2.0, curves_high)
         panel.add_to(figure, corner, units)

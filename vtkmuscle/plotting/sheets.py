@@ -96,30 +96,27 @@ def letters_in(width: float) -> int:
 
 def fitted(views: Sequence[View], width: float) -> list[View]:
     """Return views with the picture sizes at which their rows fill a figure's width [mm], at most."""
-    columns = _columns(len(views), width)
-    rows = [views[i : i + columns] for i in range(0, len(views), columns)]
+    rows = _rows(views, width)
     widest = max(sum(view.size[0] for view in row) for row in rows) / DOTS_PER_INCH
-    scale = min(1.0, (width / INCH - _GAP * (columns + 1)) / widest)
+    scale = min(1.0, (width / INCH - _GAP * (len(rows[0]) + 1)) / widest)
     return [replace(view, area=view.area * scale**2) for view in views]
 
 
-def _columns(count: int, width: float) -> int:
-    """Return the number of columns of balanced rows in a width [mm]."""
-    return math.ceil(count / math.ceil(count / max(1, int(width / INCH / _LEAST))))
+def _rows(items: Sequence[Any], width: float) -> list[Sequence[Any]]:
+    """Return items in balanced rows in a width [mm]."""
+    columns = math.ceil(len(items) / math.ceil(len(items) / max(1, int(width / INCH / _LEAST))))
+    return [items[i : i + columns] for i in range(0, len(items), columns)]
 
 
 def sheet(panels: Sequence[Panel], title: str, units: str, width: float, *, bottom: float = 0.45) -> Figure:
     """Return a figure of panels in rows, with room at the bottom [inches]."""
-    columns, wide = _columns(len(panels), width), width / INCH
-    rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
+    rows, wide = _rows(panels, width), width / INCH
     titles = [fill(panel.title, letters_in(panel.inches[0])) for panel in panels]
     header = 0.06 + 0.14 * max(words.count("\n") + 1 for words in titles)  # inches
     top = 0.25 if title else 0.0
     heights = [max(p.inches[1] for p in row) + header for row in rows]
     height = top + bottom + sum(heights)
-    figure = blank_figure(wide, height)
-    if title:
-        figure.text(0.5, 1.0 - 0.15 / height, title, ha="center", va="center", fontsize="large")
+    figure = blank_figure(wide, height, title=title)
     y = height - top
     for row, row_height in zip(rows, heights, strict=True):
         x = (wide - sum(p.inches[0] + _GAP for p in row) + _GAP) / 2.0
@@ -136,10 +133,11 @@ def set_style() -> None:
     rcParams.update(_STYLE)
 
 
-def blank_figure(width: float, height: float, layout: Any = None) -> Figure:
-    """Return a white figure of a size [inches], with a layout of matplotlib."""
+def blank_figure(width: float, height: float, layout: Any = None, *, title: str = "") -> Figure:
+    """Return a white figure of a size [inches], with a title at its top and a layout of matplotlib."""
     figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, facecolor="white", layout=layout)
     FigureCanvasAgg(figure)
+    figure.text(0.5, 1.0 - 0.15 / height, title, ha="center", va="center", fontsize="large")
     return figure
 
 

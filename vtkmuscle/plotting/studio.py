@@ -15,9 +15,9 @@ from PIL import Image
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonComputationalGeometry import vtkCardinalSpline
 from vtkmodules.vtkCommonCore import vtkLogger, vtkUnsignedCharArray
-from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
-from vtkmodules.vtkFiltersGeneral import vtkSplineFilter
+from vtkmodules.vtkFiltersGeneral import vtkSplineFilter, vtkVertexGlyphFilter
 from vtkmodules.vtkRenderingCore import (
     VTK_PHONG,
     vtkActor,
@@ -84,10 +84,8 @@ def fixed_point_actors(muscle: vtkPolyData, diameter: float) -> list[vtkActor]:
     points, fixed_to = arrays.points_of(muscle), fixed_bones(muscle)
     actors = []
     for bone in np.unique(fixed_to[fixed_to >= 0]):
-        fixed = points[fixed_to == bone]
-        vertices = vtkCellArray()
-        vertices.SetData(1, numpy_to_vtk(np.arange(len(fixed)), deep=True))
-        balls = vtkPolyData(points=arrays.vtk_points(fixed), verts=vertices)
+        fixed = vtkPolyData(points=arrays.vtk_points(points[fixed_to == bone]))
+        balls = vtkVertexGlyphFilter(input_data=fixed).update().output
         colour = views.PALETTE[bone % len(views.PALETTE)]
         look = {"ambient": 0.3, "render_points_as_spheres": True, "point_size": diameter}
         actors.append(_actor(balls, colour, **look))

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkTriangleFilter, vtkTubeFilter
 
-from vtkmuscle.core.mesh.normals import mean_normals, triangle_normals
+from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import blocks_of, points_of, polylines_from, polylines_of, triangles_of
@@ -58,9 +58,7 @@ class DrawnBones:
         drawn = {}
         for name, block in blocks:
             points, triangles = points_of(block), triangles_of(block, name)
-            facing = triangle_normals(points, triangles)
-            normals = mean_normals(facing, triangles, len(points))
-            report = survey(points, triangles)
+            normals, report = vertex_normals(points, triangles), survey(points, triangles)
             solid = report.closed and report.oriented and report.volume > 0.0
             if total > TRIANGLES:
                 wanted = max(int(len(triangles) * TRIANGLES / total), _LEAST)

@@ -219,8 +219,6 @@ def errors_at(key: str, file: Path | None, remedy: str = "") -> Iterator[None]:
     """Raise a ValueError or OSError as a SceneError with key and file."""
     try:
         yield
-    except SceneError:
-        raise
     except (ValueError, OSError) as error:
         problem, own = fault_of(error)
         raise SceneError(problem, key, own or remedy, file) from error

@@ -57,10 +57,8 @@ class SchemaTable(BaseModel):
             cls.model_fields[name].examples = examples
 
 
-class Settings(BaseModel):
+class Settings(SchemaTable):
     """A table of filter settings; only keys in the file count."""
-
-    model_config = ConfigDict(extra="forbid", defer_build=True)
 
     def given(self) -> dict[str, Any]:
         """Return the settings in the file."""

@@ -175,9 +175,6 @@ def _of_motion(scene: schema.SceneTable) -> Iterator[_Fault]:
         yield from _unknown_bone("motion.bone", motion.bone, scene.bones)
 
 
-_FUNCTIONS = ("polynomial", "spline")
-
-
 def _of_joints(scene: schema.SceneTable) -> Iterator[_Fault]:
     if scene.joints and scene.opensim is not None:
         yield _fault("combined", "opensim", other="[joints.NAME]")
@@ -233,5 +230,5 @@ def _of_functions(key: str, joint: schema.JointTable, coordinates: list[str]) ->
                 yield _fault("two_functions", where)
 
 
-def _functions(table: schema.Function) -> list[str]:
-    return [name for name in _FUNCTIONS if getattr(table, name) is not None]
+def _functions(table: schema.Function) -> set[str]:
+    return table.model_fields_set & schema.Function.model_fields.keys()

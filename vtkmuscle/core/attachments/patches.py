@@ -194,15 +194,11 @@ def discs_over(rings: Sequence[Floats]) -> tuple[Floats, Ints]:
     leave out up to an edge's length along the rim of an area, and an aponeurosis within a muscle has only its
     ring. Rings of fewer than three points span nothing.
     """
-    points, triangles, first = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
-    for ring in rings:
-        count = len(ring)
-        if count < 3:
-            continue
-        number = first + np.arange(count)
-        triangles.append(np.column_stack([number, np.roll(number, -1), np.full(count, first + count)]))
+    points, triangles = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)]
+    for ring in (ring for ring in rings if len(ring) > 2):
+        number = sum(map(len, points)) + np.arange(len(ring))
+        triangles.append(np.column_stack([number, np.roll(number, -1), np.full(len(ring), number[-1] + 1)]))
         points += [ring, ring.mean(axis=0)[None]]
-        first += count + 1
     return np.vstack(points), np.vstack(triangles).astype(np.int64)
 
 

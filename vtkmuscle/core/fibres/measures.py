@@ -134,11 +134,10 @@ def _turns(steps: Floats) -> Floats:
 def _neighbours(middle: Floats) -> Ints:
     """Return the four (or fewer) nearest fibres, (n, 4). Distances are in the middle."""
     count = min(SIDES, len(middle) - 1)
-    if count < 1:
-        return np.empty((len(middle), 0), dtype=np.int64)
-    nearest = cKDTree(middle).query(middle, count + 1)[1]
+    nearest = cKDTree(middle).query(middle, range(1, count + 2))[1]
     # The fibre itself is among the nearest, though not always first among coincident fibres.
-    return np.array([row[row != number][:count] for number, row in enumerate(nearest)])
+    others = [row[row != number][:count] for number, row in enumerate(nearest)]
+    return np.array(others, dtype=np.int64)
 
 
 def _spacing(lines: Floats, offsets: Ints, points: Floats, samples: Floats, volume: float) -> float:

@@ -171,8 +171,6 @@ def _best_cut(departures: Floats, rays: Floats, ends: Floats, into: FloatMap, to
         levels[open_[better]] = level
         least[open_[better]] = badness[better]
         open_ = open_[(departure > 1.0) | (turns > EASY_TURN)]
-        if not len(open_):
-            break
     return levels
 
 

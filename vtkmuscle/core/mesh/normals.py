@@ -19,13 +19,8 @@ def triangle_normals(points: Floats, triangles: Ints) -> Floats:
 
 def vertex_normals(points: Floats, triangles: Ints) -> Floats:
     """Return area-weighted unit normals of points, 0 without triangles."""
-    return mean_normals(triangle_normals(points, triangles), triangles, len(points))
-
-
-def mean_normals(normals: Floats, triangles: Ints, n: int) -> Floats:
-    """Return :func:`vertex_normals` of n points from triangle normals (m, 3)."""
-    at = triangles.T.ravel()
-    total = [np.bincount(at, np.tile(axis, 3), minlength=n) for axis in normals.T]
+    at, normals = triangles.T.ravel(), triangle_normals(points, triangles)
+    total = [np.bincount(at, np.tile(axis, 3), minlength=len(points)) for axis in normals.T]
     return unit_vectors(np.stack(total, axis=1))
 
 

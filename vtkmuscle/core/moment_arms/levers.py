@@ -12,7 +12,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.motion.blending import screws
 from vtkmuscle.core.motion.rigid import SIX_DIGITS, RigidMotion, inverses
@@ -175,16 +175,14 @@ def _conflicts(values: Floats, rotations: Rotation) -> list[tuple[int, int]]:
         low, high = sorted(values[i : i + 2])
         between = order[np.searchsorted(ascending, low, "left") : np.searchsorted(ascending, high, "right")]
         between = between[(between != i) & (between != i + 1)]
-        step = float((rotations[i].inv() * rotations[i + 1]).magnitude())
-        allowed = np.radians(SAME_POSE) + SAME_POSE_PART * step
-        if low == high and step > allowed:
+        step = (rotations[i].inv() * rotations[i + 1]).as_rotvec()
+        allowed = np.radians(SAME_POSE) + SAME_POSE_PART * np.linalg.norm(step)
+        if low == high and np.linalg.norm(step) > allowed:
             pairs.append((i, i + 1))
         if len(between):
-            if low == high:
-                expected = rotations[[i] * len(between)]
-            else:
-                parts = (values[between] - values[i]) / (values[i + 1] - values[i])
-                expected = Slerp([0.0, 1.0], rotations[i : i + 2])(parts)
+            gone = values[between] - values[i]  # 0 if the value stays
+            parts = gone / (values[i + 1] - values[i]) if low < high else gone
+            expected = rotations[i] * Rotation.from_rotvec(np.outer(parts, step))
             apart = (expected.inv() * rotations[between]).magnitude() > allowed
             pairs += [(min(i, int(j)), max(i + 1, int(j))) for j in between[apart]]
     return pairs

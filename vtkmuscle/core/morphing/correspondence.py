@@ -54,15 +54,12 @@ def starting_points(stack: LoopStack, continuity: float, corner: Floats) -> Floa
         return np.tile(corner, (len(loops), 1))
     samples = np.array([sampled_loop(loop, corner, N_STARTS) for loop in loops])
     costs = ((samples - corner) ** 2).sum(axis=2) if start_costs is None else start_costs(samples)
-    number = np.arange(len(loops))
-    if continuity == 0.0:
-        return np.asarray(samples[number, costs.argmin(axis=1)])
     costs = costs * (np.gradient(levels) if len(levels) > 1 else np.ones(1))[:, None]
     centred = samples - samples.mean(axis=1, keepdims=True)
     square = (centred**2).sum(axis=2).mean(axis=1)
     twists = square[:-1, None] + square[1:, None] - 2.0 * cyclic_products(centred[:-1], centred[1:])
     twists *= (continuity**2 / np.diff(levels))[:, None]
-    return samples[number, _cheapest_chain(costs, twists)]
+    return samples[np.arange(len(loops)), _cheapest_chain(costs, twists)]
 
 
 def followed_starts(stack: LoopStack, guides: LoopStack, continuity: float, corner: Floats) -> Floats:

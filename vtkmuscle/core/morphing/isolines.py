@@ -14,18 +14,9 @@ from vtkmuscle.core.mesh.harmonic import harmonic_extension, triangle_gradients
 from vtkmuscle.core.mesh.normals import perpendiculars, triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.mesh.surface import NOISE
+from vtkmuscle.core.morphing import slices
 from vtkmuscle.core.morphing.correspondence import N_STARTS, LoopStack, cyclic_products, sampled_loop
 from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
-from vtkmuscle.core.morphing.slices import (
-    GRAIN,
-    Box,
-    Morph,
-    Slicing,
-    guide_levels,
-    mapped_points,
-    shared_levels,
-    slice_maps,
-)
 from vtkmuscle.core.types import ROUNDING, FloatMap, Floats, Ints
 
 #: Classes of function values for the mean gradient. With 1024 mean lengths of fibres differ by at most 1 mm
@@ -91,7 +82,9 @@ class IsolineCourse:
         return Branch(surface, self.field, levels, at, lambda areas: np.linalg.norm(areas, axis=1))
 
 
-def morph_by_isolines(points: Floats, transform: Floats, course: IsolineCourse, slicing: Slicing) -> Morph:
+def morph_by_isolines(
+    points: Floats, transform: Floats, course: IsolineCourse, slicing: slices.Slicing
+) -> slices.Morph:
     """Return template fibres moved into the muscle by isolines.
 
     A plane at a height of the template, as a part of its length, goes to the isoline at the same part of the
@@ -103,14 +96,14 @@ def morph_by_isolines(points: Floats, transform: Floats, course: IsolineCourse, 
     points, transform, slicing : as for :func:`morph_by_planes`;
     course : IsolineCourse, isolines of the muscle in any pose.
     """
-    box = Box(transform)
+    box = slices.Box(transform)
     inside = box.coordinates(points)
     fractions = np.clip(inside[:, 2] / box.length, 0.0, 1.0)
     tolerance = max(slicing.slice_tolerance / box.length, ROUNDING)
-    levels, slice_of = shared_levels(fractions, tolerance, GRAIN)
+    levels, slice_of = slices.shared_levels(fractions, tolerance, slices.GRAIN)
     levels = course.begin + levels * course.span
     heights = course.begin + fractions * course.span
-    guides = course.begin + guide_levels(course.span)
+    guides = course.begin + slices.guide_levels(course.span)
     branch = course.branch(box.surface(course.muscle), np.union1d(levels, guides))
 
     def stack(at: Floats) -> tuple[LoopStack, Floats, Ints]:
@@ -123,12 +116,12 @@ def morph_by_isolines(points: Floats, transform: Floats, course: IsolineCourse, 
     axes = unit_vectors(areas)
     axes[~axes.any(axis=1), 2] = 1.0  # along z for a zero area
     views = np.array([[*perpendiculars(axis), axis] for axis in axes])
-    maps = slice_maps(rings, stack(guides)[0], box, slicing.continuity * course.length, views)
-    mapped = box.positions(mapped_points(inside, heights, levels, slice_of, maps, hits, views))
+    maps = slices.slice_maps(rings, stack(guides)[0], box, slicing.continuity * course.length, views)
+    mapped = box.positions(slices.mapped_points(inside, heights, levels, slice_of, maps, hits, views))
     ends = fractions <= ROUNDING, fractions >= 1.0 - ROUNDING
     for area, end in zip(course.areas, ends, strict=True):
         mapped[end] = area.tree.nearest(mapped[end])[1]
-    return Morph(mapped, course.share, 0.0)
+    return slices.Morph(mapped, course.share, 0.0)
 
 
 def isoline_distances(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:

@@ -228,10 +228,6 @@ class _PlaneCourse:
         (lower, upper), (first, last) = branch.numbers[hits[[0, -1]]], branch.heights[hits[[0, -1]]]
         low = self.heights[sections.vertex_parts == sections.parts_below[lower]].min() + self.margin
         high = self.heights[sections.vertex_parts == sections.parts_above[upper]].max() - self.margin
-        result = heights.copy()
-        below, above = heights < first, heights > last
-        if below.any():
-            result[below] = first - (first - heights[below]) * (first - low) / (first - heights.min())
-        if above.any():
-            result[above] = last + (heights[above] - last) * (high - last) / (heights.max() - last)
-        return result
+        ends = [min(heights.min(), first), first, last, max(heights.max(), last)]
+        squeezed = np.interp(heights, ends, [low, first, last, high])
+        return np.where((heights < first) | (heights > last), squeezed, heights)

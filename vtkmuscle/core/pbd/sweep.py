@@ -106,11 +106,9 @@ def rows_of_edges(points_of_edges: Ints, n_points: int) -> NDArray[np.int64]:
     most = 4 * int(np.bincount(points_of_edges[points_of_edges >= 0], minlength=1).max())
     _first_fit(points_of_edges, np.zeros((n_points, most), dtype=np.bool_), colours)
     order = np.argsort(colours, kind="stable")
-    rows = []
-    for colour in np.split(order, np.flatnonzero(np.diff(colours[order])) + 1):
-        room = np.full(-len(colour) % WIDTH, -1)
-        rows.append(np.concatenate([colour, room]).reshape(-1, WIDTH))
-    return np.concatenate(rows)
+    groups = np.split(order, np.flatnonzero(np.diff(colours[order])) + 1)
+    filled = [np.pad(group, (0, -len(group) % WIDTH), constant_values=-1) for group in groups]
+    return np.concatenate(filled).reshape(-1, WIDTH)
 
 
 @kernel
@@ -178,13 +176,9 @@ def _project_length(b: Floats, c: Floats, k: int) -> None:
     length = math.sqrt(x * x + y * y + z * z)
     s = c[4 * WIDTH + k] * (length - c[5 * WIDTH + k]) / (2.0 * length)
     s = s if length > 0.0 else 0.0
-    si, sj = c[k] * s, c[WIDTH + k] * s
-    b[k] -= si * x
-    b[WIDTH + k] -= si * y
-    b[2 * WIDTH + k] -= si * z
-    b[3 * WIDTH + k] += sj * x
-    b[4 * WIDTH + k] += sj * y
-    b[5 * WIDTH + k] += sj * z
+    for axis, apart in enumerate((x, y, z)):
+        b[axis * WIDTH + k] -= c[k] * s * apart
+        b[(3 + axis) * WIDTH + k] += c[WIDTH + k] * s * apart
 
 
 @lane
@@ -213,21 +207,12 @@ def _project_angle(b: Floats, c: Floats, k: int, signed: bool) -> None:
     s = c[6 * WIDTH + k] * off * math.sqrt(ee) / squares
     s = s if proper & (squares > 0.0) else 0.0
     s1, s2 = s * n22, s * n11
-    t1, t2 = -c[k] * s1 * a1, -c[k] * s2 * b1
-    b[k] += t1 * n1x + t2 * n2x
-    b[WIDTH + k] += t1 * n1y + t2 * n2y
-    b[2 * WIDTH + k] += t1 * n1z + t2 * n2z
-    t1, t2 = -c[WIDTH + k] * s1 * a2, -c[WIDTH + k] * s2 * b2
-    b[3 * WIDTH + k] += t1 * n1x + t2 * n2x
-    b[4 * WIDTH + k] += t1 * n1y + t2 * n2y
-    b[5 * WIDTH + k] += t1 * n1z + t2 * n2z
-    t1, t2 = c[2 * WIDTH + k] * s1 * ee, c[3 * WIDTH + k] * s2 * ee
-    b[6 * WIDTH + k] += t1 * n1x
-    b[7 * WIDTH + k] += t1 * n1y
-    b[8 * WIDTH + k] += t1 * n1z
-    b[9 * WIDTH + k] += t2 * n2x
-    b[10 * WIDTH + k] += t2 * n2y
-    b[11 * WIDTH + k] += t2 * n2z
+    for axis, (n1, n2) in enumerate(((n1x, n2x), (n1y, n2y), (n1z, n2z))):
+        at = axis * WIDTH + k
+        b[at] -= c[k] * (s1 * a1 * n1 + s2 * b1 * n2)
+        b[3 * WIDTH + at] -= c[WIDTH + k] * (s1 * a2 * n1 + s2 * b2 * n2)
+        b[6 * WIDTH + at] += c[2 * WIDTH + k] * s1 * ee * n1
+        b[9 * WIDTH + at] += c[3 * WIDTH + k] * s2 * ee * n2
 
 
 @lane
@@ -267,11 +252,9 @@ def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
     the order of the edge's ends; "if both vectors are collinear, the result will be zero" calls for the
     absolute value. The directions v (k, 3) of the fibres are unit vectors, 0 at edges without a direction.
     """
-    difference = points[edges[:, 1]] - points[edges[:, 0]]
-    lengths = np.linalg.norm(difference, axis=1)
-    along = np.abs(np.einsum("ij,ij->i", difference, directions))
-    cosines = np.divide(along, lengths, out=np.zeros(len(edges)), where=lengths > 0)
-    return np.asarray(1.0 - np.clip(cosines, 0.0, 1.0))
+    along = unit_vectors(points[edges[:, 1]] - points[edges[:, 0]])
+    cosines = np.abs(np.einsum("ij,ij->i", along, directions))
+    return np.asarray(1.0 - np.minimum(cosines, 1.0))
 
 
 def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) -> Floats:

@@ -6,6 +6,7 @@ Dynamics*, section 3.2, doi:10.1007/978-3-030-72379-8_24.
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from vtkmuscle.core.errors import errors_at
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.solids import closed_shells
 from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour
-from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.core.motion.rigid import apply_transform, frame_at, inverse
 from vtkmuscle.core.types import ROUNDING, SAME, Bools, Floats, Ints
 
 Cells = NDArray[np.uint8]
@@ -203,8 +204,7 @@ class VoxelContact:
         met = np.empty(len(self._bones), dtype=np.bool_)
         muscles = MuscleContact(neighbours, self._free, centre)
         corners = self._boxes.moved(now, centre)
-        about = np.eye(4)
-        about[:3, 3] = -centre
+        about = frame_at(-centre)
         poses = {bone: about @ now[bone] for bone in self._boxes.indices}
         moves = [(pose, pose @ inverse(before[bone]) @ inverse(about)) for bone, pose in poses.items()]
 
@@ -267,12 +267,7 @@ def _traverse(cells: Cells, start: Floats, end: Floats, stop: Floats) -> bool:
     for k in range(3):
         cell[k] = int(start[k])
         # Beyond the grid all is outside, so how far the end is beyond does not matter.
-        last = -1
-        if end[k] >= cells.shape[k]:
-            last = cells.shape[k]
-        elif end[k] >= 0.0:
-            last = int(end[k])
-        left[k] = last - cell[k]
+        left[k] = math.floor(min(max(end[k], -1.0), cells.shape[k])) - cell[k]
     t = 0.0
     while left[0] or left[1] or left[2]:
         axis, t = -1, np.inf
