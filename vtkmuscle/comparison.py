@@ -232,7 +232,7 @@ def is_grid(values: Sequence[Floats]) -> bool:
 
 
 def difference(curve: Curve, reference: Curve) -> tuple[float | None, ...]:
-    """Return figures of a curve minus a reference curve, within the reference's range or at equal poses."""
+    """Return figures of a curve minus a reference. Within the reference's range, or at equal poses."""
     if curve.poses is None or reference.poses is None:
         inside = (curve.x >= reference.x[0] - 1e-9) & (curve.x <= reference.x[-1] + 1e-9)
         expected = np.interp(curve.x, reference.x, reference.mean)

@@ -211,7 +211,7 @@ def _solved(tasks: Sequence[tuple[Any, ...]], client: Any, workers: int) -> Iter
 
 
 def _keep_warnings() -> None:
-    """Keep the warnings of this child process for the parent process."""
+    """Keep the warnings of this process for its parent."""
     warnings.simplefilter("always")  # the parent process filters them
     warnings.showwarning = lambda text, category, *_, **__: _warned.append((str(text), category))
 

@@ -50,7 +50,7 @@ def processes(
 
 
 class _Pool(ProcessPoolExecutor):
-    """A pool whose processes ignore Ctrl-C and the program's main module, which need not guard its work."""
+    """A pool of processes without Ctrl-C. Nor do they import the main module: it need not guard its work."""
 
     def submit(self, *work: Any, **options: Any) -> Future[Any]:
         """Let the next free process do a work; processes start here."""
@@ -69,7 +69,7 @@ _hiding = RLock()
 
 @contextmanager
 def _without_main() -> Iterator[None]:
-    """Hide the source of the main module: a starting process would import it, and so run its work again."""
+    """Hide the source of the main module. A starting process would import it, and run its work again."""
     main = sys.modules["__main__"]
     with _hiding:
         hidden = {name: vars(main)[name] for name in ("__file__", "__spec__") if vars(main).get(name)}

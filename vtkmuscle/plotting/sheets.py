@@ -134,7 +134,7 @@ def set_style() -> None:
 
 
 def blank_figure(width: float, height: float, layout: Any = None, *, title: str = "") -> Figure:
-    """Return a white figure of a size [inches], with a title at its top and a layout of matplotlib."""
+    """Return a white figure. Of a size [inches], with a title at its top and a layout of matplotlib."""
     figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, facecolor="white", layout=layout)
     FigureCanvasAgg(figure)
     figure.text(0.5, 1.0 - 0.15 / height, title, ha="center", va="center", fontsize="large")

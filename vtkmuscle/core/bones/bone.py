@@ -265,7 +265,7 @@ def bone_axes(points: Floats) -> Floats:
 
 @kernel
 def _unknown(field: Field, numbers: Ints) -> int:
-    """Write the numbers of noted nodes that are unknown, and clear the notes; return the count."""
+    """Write the numbers of unknown nodes, and return their count. The notes are cleared."""
     nodes, notes, count = field.nodes.reshape(-1), field.lacking, 0
     _, height, depth = field.nodes.shape
     for note in range(2, 2 + notes[1]):
@@ -284,7 +284,7 @@ def _unknown(field: Field, numbers: Ints) -> int:
 
 @kernel
 def _place(field: Field, to_rest: Floats, numbers: Ints, at_rest: Floats) -> int:
-    """Write nodes' positions (n, 3) at rest, and drop repeated numbers (n,) in order; return the count."""
+    """Write the positions of nodes, and return their count. Repeated numbers (n,), in order, are dropped."""
     _, height, depth = field.nodes.shape
     count = 0
     for number in numbers:

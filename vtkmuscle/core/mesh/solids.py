@@ -313,7 +313,7 @@ def solids_of(points: Floats, triangles: Ints) -> Solids:
 
 
 def solids_from(closed: ClosedShells, numbers: Sequence[int]) -> Solids:
-    """Return some of the shells of a surface, by their numbers, as solids."""
+    """Return some shells of a surface as solids."""
     solid, sheets = ([closed.shells[i] for i in numbers if closed.solid[i] == kind] for kind in (True, False))
     groups = _disjoint_groups(closed.points, solid)
     trees = tuple(shared_tree(closed.points, np.concatenate(group)) for group in groups)
@@ -322,7 +322,7 @@ def solids_from(closed: ClosedShells, numbers: Sequence[int]) -> Solids:
 
 
 def _disjoint_groups(points: Floats, parts: list[Ints]) -> list[list[Ints]]:
-    """Return parts of a surface in groups of disjoint boxes; each large part is a group of its own."""
+    """Return parts in groups of disjoint boxes. Each large part is a group of its own."""
     groups: list[list[tuple[Ints, Floats, Floats]]] = []
     least = LEAST_PIECE * sum(map(len, parts))
     for part in sorted(parts, key=len):

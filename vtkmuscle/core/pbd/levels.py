@@ -114,7 +114,7 @@ class TwoLevels:
 
 @vector_kernel
 def _products(starts: Ints, others: Ints, arms: Floats, points: Floats, products: Floats) -> None:
-    """Write products (c, 3, 3) of ways to other points (c, 3), and arms (k, 3) to these at rest."""
+    """Write the products of ways and arms. Products (c, 3, 3), points (c, 3), arms (k, 3) at rest."""
     for p in range(len(points)):
         a = b = c = d = e = f = g = h = i = 0.0
         for k in range(starts[p], starts[p + 1]):
@@ -131,7 +131,7 @@ def _products(starts: Ints, others: Ints, arms: Floats, points: Floats, products
 
 @vector_kernel
 def _take_along(points: Ints, nearest: Ints, parts: Floats, ways: Floats, carried: Floats) -> None:
-    """Move some carried points by a part of the way of the nearest fixed point."""
+    """Move points along. By a part of the way of the nearest fixed point."""
     for i, point in enumerate(points):
         for axis in range(3):
             carried[point, axis] += parts[i] * ways[nearest[i], axis]
@@ -139,7 +139,7 @@ def _take_along(points: Ints, nearest: Ints, parts: Floats, ways: Floats, carrie
 
 @vector_kernel
 def _carry(motions: Floats, carriers: Ints, parts: Floats, rest: Floats, carried: Floats) -> None:
-    """Write points (n, 3) moved by the mean of their carriers' motions (c, 12), a turn and a shift."""
+    """Write points moved by their carriers. Points (n, 3), motions (c, 12), a turn and a shift."""
     for i in range(len(rest)):
         a = b = c = d = e = f = g = h = j = u = v = w = 0.0
         for k in range(carriers.shape[1]):
