@@ -14,6 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
+from vtkmuscle.core.mesh.normals import angles_between
 from vtkmuscle.core.mesh.polylines import (
     evenly_spaced,
     inner_points,
@@ -153,10 +154,7 @@ def _best_cut(departures: Floats, rays: Floats, ends: Floats, into: FloatMap, to
     levels, least = np.zeros(len(ends), dtype=np.int64), np.full(len(ends), np.inf)
     for level in range(len(CUTS)):
         starts, segments = departures[level, open_], ends[open_] - departures[level, open_]
-        dots, ray = (rays[level, open_] * segments).sum(axis=1), np.linalg.norm(rays[level, open_], axis=1)
-        scale = ray * np.linalg.norm(segments, axis=1)
-        cosines = np.divide(dots, scale, out=np.ones(len(scale)), where=scale > 0)
-        turns = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
+        turns = angles_between(rays[level, open_], segments)
         # A segment whose turn alone is worse than the best cut needs no check against the surface.
         worth = np.where(turns <= LARGEST_TURN, turns / 180.0, turns / LARGEST_TURN) < least[open_]
         if not worth.any():
@@ -195,10 +193,8 @@ def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
     ends = offsets[np.searchsorted(offsets, i, side="right")]
     counts = ends - offsets[np.searchsorted(offsets, i, side="right") - 1]
     i = i[i >= ends - 1 - counts // 3]
-    before, after = points[i] - points[i - 1], points[i + 1] - points[i]
-    sines = np.linalg.norm(np.cross(before, after), axis=1)
     turns = np.zeros(len(points))
-    turns[i] = np.degrees(np.arctan2(sines, (before * after).sum(axis=1)))
+    turns[i] = angles_between(points[i] - points[i - 1], points[i + 1] - points[i])
     return np.maximum.reduceat(turns, offsets[:-1])
 
 
