@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 import warnings
+from contextlib import ExitStack
 from dataclasses import replace
 from multiprocessing.process import BaseProcess
 
@@ -15,6 +16,7 @@ from faults import children, results
 from tiny_scene import write_tiny_scene
 
 from vtkmuscle import Scene, hinge
+from vtkmuscle.io.children import processes
 from vtkmuscle.run.pool import pool_size
 from vtkmuscle.scene.data import SceneError
 
@@ -145,6 +147,14 @@ def test_ctrl_c_ends_all_processes(scene, tmp_path):
     assert program.returncode == 130
     assert "Traceback" not in said
     wait_for_end(processes)
+
+
+def test_the_end_of_a_pool_ends_no_processes_of_another_one():
+    with ExitStack() as first, processes(1) as other:
+        pool = first.enter_context(processes(1))
+        assert pool.submit(os.getpid).result() != other.submit(os.getpid).result()
+        first.close()
+        assert other.submit(abs, -1).result() == 1
 
 
 @pytest.mark.slow

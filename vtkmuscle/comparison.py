@@ -228,7 +228,7 @@ def curves_of(result: Result, muscle: str) -> list[Curve]:
 
 def is_grid(values: Sequence[Floats]) -> bool:
     """Return whether several coordinates change, one in each step."""
-    return len(values) > 1 and bool((np.count_nonzero(np.diff(values), axis=0) <= 1).all())
+    return len(values) > 1 and bool((np.count_nonzero(np.abs(np.diff(values)) > SAME, axis=0) <= 1).all())
 
 
 def difference(curve: Curve, reference: Curve) -> tuple[float | None, ...]:

@@ -1,6 +1,7 @@
 """The base of filters: declarations, errors, connections, time."""
 
 import inspect
+import math
 
 import numpy as np
 import pytest
@@ -284,6 +285,12 @@ def test_a_time_beyond_those_that_there_are_is_said():
     for time in (-0.5, 2.5):
         with pytest.warns(UserWarning, match=rf"Clock: time {time:g} is outside of the motion, 0 to 2"):
             Clock().update(time=time)
+
+
+@pytest.mark.parametrize("time", [math.nan, math.inf])
+def test_a_time_that_is_not_finite_is_refused(time):
+    with pytest.raises(ValueError, match=f"Clock: the time is {time}, but must be finite"):
+        Clock().update(time)
 
 
 def test_time_reaches_the_source_through_other_filters():

@@ -160,6 +160,11 @@ REFUSED = [
         "block 'distal': .*a rotation and a translation",
     ),
     ("PBDDeformer", {"bones": bones(Transform=np.eye(3).ravel())}, "must be 16 numbers"),
+    (
+        "PBDDeformer",
+        {"rest_bones": bones(Transform=np.diag([1.0, -1, -1, 1]).ravel())},
+        "rest_bones, block 'distal': the bone has moved; connect the bones at rest",
+    ),
     ("PBDDeformer", {"start": examples.ball_beside}, rf"start: it has \d+ points, but the muscle {N}"),
     ("SliceMorpher", {"method": "harmonic", "attachments": None}, "the port 'attachments' is not connected"),
     ("SliceMorpher", {"template": examples.template}, "'Transform' is missing; run TemplateFitter"),

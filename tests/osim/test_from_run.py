@@ -180,6 +180,7 @@ def test_meshes_lie_on_their_bodies(ran, results, tmp_path):
     [
         ({"parameters": {"srap": {}}}, "no muscle 'srap'; its muscles are strap"),
         ({"replace": {"strap": "theirs"}}, "no model to replace muscles in"),
+        ({"specific_tension": -5.0}, "specific_tension: -5 N/cm.2 is not a finite number > 0"),
         ({"into": "leg.osim"}, r"has no coordinate 'upper'; use the model's names .* hip_x, "),
     ],
 )

@@ -191,8 +191,8 @@ def _words(error: Exception) -> str:
 
 
 def _what_is_finished(out: Path | None) -> str:
-    if out is not None and any(out.glob("*/report.json")):  # of a cohort
-        return f"Finished subjects in {out} are kept: run the command again to continue"
+    if out is not None and any(out.glob("*/report.json")):  # of many runs
+        return f"Finished muscles and runs in {out} are kept: run the command again to continue"
     store = sys.modules.get("vtkmuscle.run.store")  # a run that has not loaded it has written nothing
     left = None if out is None or store is None else store.ResultFolder(out).unfinished()
     return "Nothing was written." if left is None else f"{out} {left}"

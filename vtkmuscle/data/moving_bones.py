@@ -133,5 +133,11 @@ class RestBones:
 
 
 def rest_bones_of(data: vtkMultiBlockDataSet, where: str) -> RestBones:
-    """Return bones at rest; raises as :func:`bones_of`."""
-    return RestBones(bones_of(data, where), where)
+    """Return bones at rest; raises as :func:`bones_of`, or for bones that have moved."""
+    bones = bones_of(data, where)
+    for name, bone in bones.items():
+        transform = field_array(bone, "Transform")
+        if transform is not None and not np.array_equal(transform.reshape(-1), np.eye(4).reshape(-1)):
+            remedy = "connect the bones at rest, or remove the array 'Transform' from a new rest pose"
+            raise InputError(f"{where}, block {name!r}", "the bone has moved", remedy)
+    return RestBones(bones, where)

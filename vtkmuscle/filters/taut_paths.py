@@ -24,11 +24,14 @@ from vtkmuscle.data.paths import LENGTH, LEVER, PATH_STEPS, REST_POSITION, SAG, 
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 from vtkmuscle.filters.base.parameters import quality_of
 
+#: Solved paths. The means over 400 fibres of each of five muscles of a hip and a knee differ by at most 0.23
+#: (moment arms) and 0.05 mm (lengths) from those of 400 solved paths, in a fifth to two fifths of the time.
+PATHS = 100
 #: Segments of a path, and solved paths, by quality.
 PATH_PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "preview": {"resolution": 24, "n_paths": 25},
-        "balanced": {"resolution": POINTS - 1, "n_paths": ALL_PATHS},
+        "balanced": {"resolution": POINTS - 1, "n_paths": PATHS},
         "accurate": {"resolution": 2 * (POINTS - 1), "n_paths": ALL_PATHS},
     }
 )
@@ -122,7 +125,7 @@ class TautPaths(Filter):
 
     quality = quality_of(PATH_PRESETS)
     resolution = Parameter(int, default=POINTS - 1, minimum=4, maximum=1000)
-    n_paths = Parameter(int, default=ALL_PATHS, minimum=LEAST_PATHS, maximum=ALL_PATHS)
+    n_paths = Parameter(int, default=PATHS, minimum=LEAST_PATHS, maximum=ALL_PATHS)
     levers = Parameter(bool, default=True)
     checkpoint_memory = Parameter(float, default=64.0, minimum=0.0, units="MB")
 

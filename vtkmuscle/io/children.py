@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import active_children, get_all_start_methods, get_context
+from multiprocessing import get_all_start_methods, get_context
 from threading import RLock
 from typing import Any
 
@@ -41,13 +41,11 @@ def processes(
     size: int, initializer: Callable[..., None] | None = None, arguments: tuple[Any, ...] = ()
 ) -> Iterator[ProcessPoolExecutor]:
     """Give a pool of child processes, which are ended with the context."""
-    before = active_children()
     pool = _Pool(size, child_context(), initializer, arguments)
     try:
         yield pool
     finally:
-        for process in set(active_children()).difference(before):
-            process.kill()
+        pool.kill()
         pool.shutdown(cancel_futures=True)
 
 
@@ -58,6 +56,11 @@ class _Pool(ProcessPoolExecutor):
         """Let the next free process do a work; processes start here."""
         with _without_main(), interrupts_blocked():
             return super().submit(*work, **options)
+
+    def kill(self) -> None:
+        """End the processes of this pool, and of no other."""
+        for process in list((self._processes or {}).values()):
+            process.kill()
 
 
 #: Held while the main module is hidden.

@@ -136,6 +136,8 @@ def export(
         raise InputError("into", "muscles are put into models of OpenSim only", "leave it out")
     if asked.form not in _FORMS:
         raise InputError("", f"there is no form {asked.form!r}; allowed: {', '.join(_FORMS)}")
+    if not 0.0 < (tension := asked.specific_tension) < np.inf:
+        raise InputError("specific_tension", f"{tension:g} N/cm^2 is not a finite number > 0", "e.g. 60")
     if names and model is None:
         raise InputError("replace", "there is no model to replace muscles in", "give the model as into")
     with Outputs.for_file(path, [Path(source), model], overwrite=overwrite):

@@ -248,18 +248,17 @@ def positions_across(fibres: vtkPolyData) -> Floats:
 
 
 def _draw_arms(axes: Axes, joint_arms: JointArms, positions: Floats | None) -> None:
-    # A sweep up and down repeats values: curves are drawn by ascending value.
-    order = np.argsort(joint_arms.values, kind="stable")
-    values, mean, arms = joint_arms.values[order], joint_arms.mean[order], joint_arms.arms[order]
+    # A sweep up and down repeats values: curves are drawn by ascending value. A grid has a curve per stretch.
+    values, mean, arms = map(joint_arms.drawn, (joint_arms.values, joint_arms.mean, joint_arms.arms))
     look: dict[str, Any] = {"array": positions, "cmap": views.PLACE_MAP}
     colour = views.MUSCLE_RED if positions is None else "#2a788e"
     axes.add_collection(_lines(values, arms, alpha=0.6, **{"colors": colour} if positions is None else look))
     axes.plot([], [], color=colour, linewidth=0.9, label=f"{arms.shape[1]} paths")
     axes.plot(values, mean, color="black", linewidth=1.5, label="mean")
     if joint_arms.quartic is not None:
-        quartic = joint_arms.quartic.mean(axis=1)[order]
+        quartic = joint_arms.drawn(joint_arms.quartic.mean(axis=1))
         axes.plot(values, quartic, color="black", linewidth=1.2, linestyle="--", label="mean of quartic fits")
-    axes.set_ylim(*shown_range(joint_arms.arms, mean))
+    axes.set_ylim(*shown_range(joint_arms.arms, joint_arms.mean))
 
 
 def shown_range(arms: Floats, mean: Floats) -> tuple[float, float]:

@@ -280,15 +280,16 @@ def _lengths(lengths: Floats, pack: Pack, error: Floats | float = np.nan) -> dic
 
 
 def _arms(arms: JointArms, published: Sequence[LiteratureCurve]) -> dict[str, Any]:
-    # A sweep up and down repeats values: curves are drawn by ascending value.
-    order = np.argsort(arms.values, kind="stable")
-    unit, mean, error = ANGLES.get(arms.unit), arms.mean[order], arms.errors["total"][order]
+    # A sweep up and down repeats values: curves are drawn by ascending value. Gaps have the value before.
+    values, mean, error = map(arms.drawn, (arms.values, arms.mean, arms.errors["total"]))
+    unit, gaps = ANGLES.get(arms.unit), np.flatnonzero(np.isnan(values))
+    values[gaps] = values[gaps - 1]
     return {
-        "values": rounded(arms.values[order]),
+        "values": rounded(values),
         "mean": rounded(mean),
-        "low": rounded(arms.arms.min(axis=1)[order]),
-        "high": rounded(arms.arms.max(axis=1)[order]),
-        "quartic": None if arms.quartic is None else rounded(arms.quartic.mean(axis=1)[order]),
+        "low": rounded(arms.drawn(arms.arms.min(axis=1))),
+        "high": rounded(arms.drawn(arms.arms.max(axis=1))),
+        "quartic": None if arms.quartic is None else rounded(arms.drawn(arms.quartic.mean(axis=1))),
         "literature": [] if unit is None else published_curves(published, math.pi / 180.0 / unit),
         "held": rounded([mean - error, mean + error]),
     }

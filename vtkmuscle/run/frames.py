@@ -99,20 +99,17 @@ def frame_numbers(frames: FrameChoice, count: int) -> range:
     >>> frame_numbers("40:", 46)
     range(40, 46)
     """
-    allowed = f"give A:B with 0 <= A < B <= {count} (B is not included), or one frame, 0 to {count - 1}"
+    allowed = f"give A:B or A:B:STEP, 0 <= A < B <= {count} (B is not included), or a frame, 0 to {count - 1}"
     wanted = slice(None) if frames is None else frames
-    if isinstance(wanted, str):
-        parts = wanted.split(":")
-        try:
-            bounds = [int(part) if part.strip() else None for part in parts]
-            wanted = slice(*bounds) if len(parts) > 1 else int(parts[0])
-        except (ValueError, TypeError):
-            raise InputError("", f"frames {frames!r} cannot be understood", allowed) from None
-    if isinstance(wanted, slice) and wanted.step is not None and wanted.step <= 0:
-        raise InputError("", f"frames {frames!r} must ascend", allowed)
-    if isinstance(wanted, slice):
-        wanted = range(*wanted.indices(count))
-    numbers = wanted if isinstance(wanted, range) else range(wanted, wanted + 1)
+    try:
+        if isinstance(wanted, str):
+            bounds = [int(part) if part.strip() else None for part in wanted.split(":")]
+            wanted = slice(*bounds) if len(bounds) > 1 else int(wanted)
+        if isinstance(wanted, slice):
+            wanted = range(*wanted.indices(count))
+        numbers = wanted if isinstance(wanted, range) else range(wanted, wanted + 1)
+    except (ValueError, TypeError):
+        raise InputError("", f"frames {frames!r} cannot be understood", allowed) from None
     if not len(numbers) or numbers.step < 0 or numbers[0] < 0 or numbers[-1] >= count:
         raise InputError("", f"frames {frames!r}: the motion has {count} frames", allowed)
     return numbers

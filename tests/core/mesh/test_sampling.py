@@ -52,6 +52,15 @@ def test_even_samples_are_candidates_and_nearly_as_far_from_each_other_as_can_be
         assert nearest_other(samples).min() > 0.5 * 40 / np.sqrt(count)
 
 
+@pytest.mark.parametrize("scale", [1 / 30, 30.0])
+def test_even_samples_are_the_same_at_each_size(rng, scale):
+    """The middle of two candidates is equally far from both: rounding does not choose."""
+    for _ in range(10):
+        candidates = rng.uniform(-1.0, 1.0, (40, 3))
+        samples = even_samples(scale * candidates, 20) / scale
+        assert_allclose(samples, even_samples(candidates, 20), rtol=0, atol=1e-9)
+
+
 def test_even_samples_of_few_candidates_repeat_them():
     candidates = np.arange(9.0).reshape(3, 3)
     samples = even_samples(candidates, 7)

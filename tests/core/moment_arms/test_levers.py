@@ -170,6 +170,14 @@ def test_a_grid_of_7_by_19_poses_has_levers_by_both_coordinates_in_all_of_them(k
         # Both axes stay where they are while their own coordinate changes: so screws are exact as well.
         np.testing.assert_allclose(arms[name].arms, right, atol=1e-5)
         assert np.isfinite(arms[name].slopes).all()
+        # A curve for each value of the other coordinate, with a gap between two.
+        values, (sweeps, steps) = (
+            arms[name].drawn(arms[name].values),
+            {"flexion": (19, 7), "abduction": (7, 19)}[name],
+        )
+        assert np.isnan(values).sum() == sweeps - 1
+        rows = np.append(values, np.nan).reshape(sweeps, steps + 1)
+        np.testing.assert_allclose(rows[:, :-1], np.tile(np.unique(grid[name]), (sweeps, 1)), atol=1e-9)
 
 
 def test_coordinates_that_change_together_have_levers_only_where_the_joint_is_known():
@@ -177,6 +185,7 @@ def test_coordinates_that_change_together_have_levers_only_where_the_joint_is_kn
     motion = of_ball(q, 0.5 * q)
     lengths, levers, ends = straight(motion)
     arms, _ = joint_arms(lengths, levers, motion)
+    assert all(len(each.drawn(each.values)) == len(q) for each in arms.values())
     for name, right in known_of_ball(motion, ends).items():
         np.testing.assert_allclose(arms[name].arms, right, atol=1e-5)
         assert np.isnan(arms[name].slopes).all()

@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
-from shapes import ring
+from shapes import box, ring
 
 from vtkmuscle import Scene
 from vtkmuscle.core.bones.bone import Bone
+from vtkmuscle.core.motion.rigid import rotation_about
 from vtkmuscle.core.paths.bone_contact import BoneContacts
+from vtkmuscle.core.paths.sheet import MusclePaths
 from vtkmuscle.data.arrays import field_array
+from vtkmuscle.phantoms.meshing import solid_of_revolution
 from vtkmuscle.run.muscles import muscle_pipeline
 
 
@@ -23,6 +26,22 @@ def test_an_infraspinatus_on_the_spine_of_its_scapula_comes_to_rest(bp3d_arm):
         steps.append(field_array(frame, "PathSteps")[0])
     # With other differences of distances where these are flat no frame comes to rest.
     assert np.median(steps) <= 12
+
+
+def test_a_sheet_in_the_groove_of_a_pulley_comes_to_rest():
+    """Newton's matrix does not know how the slopes meet: points swing from slope to slope."""
+    heights = np.linspace(-12.0, 12.0, 13)
+    pulley = Bone(*solid_of_revolution(heights, 16.0 + 1.2 * np.abs(heights), 72))
+    z, x = np.random.default_rng(2).uniform(-1.0, 1.0, (16, 2)).T[..., None] * [[[3.0]], [[6.0]]]
+    part = np.linspace(0.0, 1.0, 33)
+    fibres = np.dstack(np.broadcast_arrays(24.0 + 0.9 * x, 130.0 * part - 60.0, (0.9 + 0.4 * part) * z))
+    body = box(fibres.min((0, 1)) - 1.0, fibres.max((0, 1)) + 1.0)
+    paths = MusclePaths(fibres, np.ones(16, dtype=int), np.zeros(16, dtype=int), body, {0: pulley})
+    state = paths.rest
+    for angle in range(10, 100, 10):
+        turn = rotation_about((0.0, 0.0, 0.0), (0.1, 0.05, 1.0), -angle)
+        state = paths.follow(state, np.array([np.eye(4), turn]))
+        assert state.settled
 
 
 def test_the_gap_of_a_point_near_a_bone_does_not_depend_on_its_way(rng):

@@ -32,7 +32,8 @@ def even_samples(candidates: Floats, count: int) -> Floats:
     """Return evenly spread candidates, (count, 3).
 
     The farthest of the candidates (n, 3), n >= 1, is taken repeatedly. Then each sample moves to the centre
-    of its cell a few times (Lloyd's relaxation), and to the nearest candidate. Too few candidates repeat.
+    of its cell a few times (Lloyd's relaxation), and to the nearest candidate: to the first of equally near
+    ones, as the two of a cell. Too few candidates repeat.
     """
     middle = int(((candidates - candidates.mean(axis=0)) ** 2).sum(axis=1).argmin())
     chosen = np.empty(min(count, len(candidates)), dtype=np.int64)
@@ -41,7 +42,9 @@ def even_samples(candidates: Floats, count: int) -> Floats:
     tree = cKDTree(candidates)
     for _ in range(4):
         cell = cKDTree(samples).query(candidates)[1]
-        samples = candidates[tree.query(part_means(candidates, cell, len(samples), samples))[1]]
+        apart, nearest = tree.query(part_means(candidates, cell, len(samples), samples), 2)
+        tied = apart[:, 1] <= (1.0 + SAME) * apart[:, 0]
+        samples = candidates[np.where(tied, nearest.min(axis=1), nearest[:, 0])]
     return samples[np.arange(count) % len(samples)]
 
 

@@ -88,7 +88,12 @@ def joint_arms(
         slopes = slopes_by(motion, name, candidates, curves)[frames]
         of_mean = np.broadcast_to(np.asarray(ratios, dtype=np.float64), len(curves))[frames]
         by_frame = frames, q.values[frames], of_mean, millimetres * lever[frames], slopes
-        arms[name] = JointArms(name, q.unit, q.positive, *by_frame, quartic, residuals)
+        others = [motion.coordinates[other].values[frames] for other in candidates if other != name]
+        poses, stretch = np.unique(
+            np.round([q.values[frames] * 0.0, *others], 9), axis=1, return_inverse=True
+        )
+        stretch = stretch.ravel() * (poses.shape[1] < len(frames))  # else all change in each frame
+        arms[name] = JointArms(name, q.unit, q.positive, *by_frame, quartic, residuals, stretch)
     if not arms and refused:
         problem = "the coordinates change only together, so there are no moment arms"
         remedy = "change the coordinates in turn or on a grid, or add joints to the scene"
@@ -158,6 +163,8 @@ class JointArms:
         change, or for too few values.
     quartic_residuals : (k,) array or None
         Root mean square residuals of the polynomials.
+    stretch : (m,) int array or None
+        Number of the stretch of each frame: frames of a stretch differ in this coordinate alone.
     """
 
     coordinate: str
@@ -170,12 +177,19 @@ class JointArms:
     slopes: Floats
     quartic: Floats | None
     quartic_residuals: Floats | None
+    stretch: Ints | None = None
 
     def __repr__(self) -> str:
         low, high = (f"{value:g}" for value in (self.values.min(), self.values.max()))
         arms, paths = self.arms, self.arms.shape[1]
         spread = f"{arms.mean():.1f} ({arms.min():.1f} to {arms.max():.1f}), {paths} paths"
         return f"JointArms by {self.coordinate}, {low} to {high} {self.unit}: {spread}"
+
+    def drawn(self, rows: Floats) -> Floats:
+        """Return rows of the frames (m, ...) as a curve: by stretch and value, with NaN between stretches."""
+        stretch = np.zeros(len(self.values)) if self.stretch is None else self.stretch
+        order = np.lexsort((self.values, stretch))
+        return np.insert(rows[order], np.flatnonzero(np.diff(stretch[order])) + 1, np.nan, axis=0)
 
     @property
     def mean(self) -> Floats:

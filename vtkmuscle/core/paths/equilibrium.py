@@ -128,6 +128,23 @@ def add_direction(block: Floats, stiffness: float, u: float, v: float, w: float)
 
 
 @kernel
+def add_lacking(moves: Floats, forces: Floats, lacking: Floats) -> None:
+    """Add the stiffness that points lack along their moves.
+
+    Moves (f, n, 3) are of a step, ``forces`` (f, n, 3) are the change of the gradient beyond the matrix's;
+    ``lacking`` are blocks (f, n, 6). Each point has a secant of its own, no less than 0 (partitioned
+    quasi-Newton methods; Griewank, Toint 1982, doi:10.1007/BF01399316).
+    """
+    for a in range(len(moves)):
+        for i in range(1, moves.shape[1] - 1):
+            u, v, w = moves[a, i, 0], moves[a, i, 1], moves[a, i, 2]
+            size = u * u + v * v + w * w
+            work = forces[a, i, 0] * u + forces[a, i, 1] * v + forces[a, i, 2] * w
+            if work > 0.0 and size > 0.0:
+                add_direction(lacking[a, i], work / (size * size), u, v, w)
+
+
+@kernel
 def prepare_solve(blocks: Floats, pairs: Ints, couplings: Floats, inverses: Floats) -> None:
     """Write the inverse blocks of each path's elimination.
 
@@ -192,7 +209,7 @@ def newton_step(
             break
         for k in range(len(way)):
             way[k] = solved[k] + left / before * way[k]
-        _multiply(blocks, pairs, couplings, work[2, :f], work[3, :f])
+        multiply(blocks, pairs, couplings, work[2, :f], work[3, :f])
         curvature = _dot(way, image)
         if not curvature > 0.0:
             break
@@ -255,7 +272,7 @@ def _precondition(  # noqa: PLR0912 -- each kernel more costs time to compile
 
 
 @vector_kernel
-def _multiply(blocks: Floats, pairs: Ints, couplings: Floats, x: Floats, y: Floats) -> None:
+def multiply(blocks: Floats, pairs: Ints, couplings: Floats, x: Floats, y: Floats) -> None:
     """Write the product of the matrix with x. Both are (f, n, 3); the product is 0 at the ends."""
     f, n, _ = x.shape
     for k in range(f):

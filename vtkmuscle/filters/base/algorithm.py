@@ -177,7 +177,11 @@ class Algorithm(VTKPythonAlgorithmBase):
         except InputError as error:
             self._name(error)
             raise
-        provenance = provenance_array(inputs, type(self).__name__, self.parameters())
+
+        def made(*_: int) -> Any:
+            return provenance_array(inputs, type(self).__name__, self.parameters())
+
+        provenance = self.once("provenance", (self.GetMTime(), self.GetExecutive().GetPipelineMTime()), made)
         for port, data in enumerate(result if isinstance(result, tuple) else (result,)):
             if data is not None:  # None for an output that was not requested
                 output = outInfo.GetInformationObject(port).Get(vtkDataObject.DATA_OBJECT())

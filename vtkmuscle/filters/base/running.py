@@ -6,6 +6,7 @@ prints and drops the interrupt in other Python callbacks, and ends the process i
 
 from __future__ import annotations
 
+import math
 import threading
 import warnings
 from collections.abc import Iterator, Sequence
@@ -14,6 +15,7 @@ from typing import Any
 from vtkmodules.vtkCommonCore import vtkOutputWindow
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import quoted
 from vtkmuscle.data.arrays import shallow_copy
 from vtkmuscle.data.pipeline_times import request_time, time_asked, times_of, vtk_collector
@@ -49,6 +51,8 @@ def update(algorithm: Any, time: float | None = None, port: int = 0) -> Output:
 
     The default time is the last requested time, or else the last time step.
     """
+    if time is not None and not math.isfinite(time):
+        raise InputError(type(algorithm).__name__, f"the time is {time}, but must be finite")
     executive, outer = algorithm.GetExecutive(), getattr(_within, "update", False)
     _within.update = True
     if (collector := vtk_collector()) is not None:

@@ -71,8 +71,11 @@ function moveCursor(chart, at) {
 
 function marksOf({ x, y, meta, mode, colour, width, dash, opacity = 1 }, X, Y) {
   if (meta) {
-    const round = [...meta.x.map((at, i) => [at, meta.low[i]]), ...meta.x.map((at, i) => [at, meta.high[i]]).reverse()];
-    return [svgOf("path", { d: `M${round.map(([at, value]) => `${X(at).toFixed(1)} ${Y(value).toFixed(1)}`).join("L")}Z`, fill: colour, "fill-opacity": opacity })];
+    const corner = (side) => (i) => `${X(meta.x[i]).toFixed(1)} ${Y(side[i]).toFixed(1)}`;
+    const pieces = [[]];
+    meta.low.forEach((value, i) => (value === null ? pieces.push([]) : pieces.at(-1).push(i)));
+    const rings = pieces.map((at) => [...at.map(corner(meta.low)), ...at.map(corner(meta.high)).reverse()]);
+    return [svgOf("path", { d: rings.map((ring) => `M${ring.join("L")}Z`).join(""), fill: colour, "fill-opacity": opacity })];
   }
   if (mode === "markers") return x.map((at, i) => svgOf("circle", { cx: X(at), cy: Y(y[i]), r: 4, fill: colour }));
   let pen = "M";
@@ -183,7 +186,7 @@ function inside(one, left, right) {
 /* An axis that a spike does not flatten: all curves, and bands but for their last twentieth, where that is much less. */
 function rangeOf(parts) {
   const values = (one) => (one.y ?? [...one.low, ...one.high]).filter((value) => value !== null);
-  const share = (list, part) => [...list].sort((a, b) => a - b)[Math.round(part * (list.length - 1))];
+  const share = (list, part) => (list = list.filter((value) => value !== null).sort((a, b) => a - b))[Math.round(part * (list.length - 1))];
   const filled = parts.filter((one) => values(one).length);
   const whole = ends(filled.flatMap(values));
   const most = ends(filled.flatMap((one) => (one.y ? values(one) : [share(one.low, 0.05), share(one.high, 0.95)])));
