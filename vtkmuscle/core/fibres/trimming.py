@@ -243,30 +243,27 @@ def ends_as_printed(
     lines = [points[first:last] for first, last in pairwise(offsets)]
     for area, direction in ((insertion, axis), (origin, -axis)):
         height = float((area.landmarks @ direction).min())
-        lines = [line[::-1] for line in _extended(lines, direction, height, area.samples.tree)]
+        lines = [_extended(line, direction, height, area.samples.tree)[::-1] for line in lines]
     return np.vstack(lines), np.append(0, np.cumsum([len(line) for line in lines]))
 
 
-def _extended(lines: list[Floats], direction: Floats, height: float, area: TriangleTree) -> list[Floats]:
-    """Return lines cut at a plane near their ends, with a segment to an area."""
-    result = list(lines)
-    for number, line in enumerate(lines):
-        beyond = line @ direction - height
-        if beyond[0] >= 0.0:
-            continue
-        past, kept = np.flatnonzero(beyond > 0.0), line
-        if len(past):
-            at = int(past[0])
-            share = beyond[at - 1] / (beyond[at - 1] - beyond[at])
-            crossing = line[at - 1] + share * (line[at] - line[at - 1])
-            kept = np.vstack([line[:at], crossing]) if share > 0.0 else line[:at]
-        steps = np.diff(kept, axis=0)
-        steps = steps[steps.any(axis=1)]
-        ahead = steps[-1] if len(steps) else line[1] - line[0]
-        if ahead.any():
-            kept = np.vstack([kept, closest_to_ray(kept[-1], ahead / np.linalg.norm(ahead), area)])
-        result[number] = kept
-    return result
+def _extended(line: Floats, direction: Floats, height: float, area: TriangleTree) -> Floats:
+    """Return a line cut at a plane near its end, with a segment to an area."""
+    beyond = line @ direction - height
+    if beyond[0] >= 0.0:
+        return line
+    past, kept = np.flatnonzero(beyond > 0.0), line
+    if len(past):
+        at = int(past[0])
+        share = beyond[at - 1] / (beyond[at - 1] - beyond[at])
+        crossing = line[at - 1] + share * (line[at] - line[at - 1])
+        kept = np.vstack([line[:at], crossing]) if share > 0.0 else line[:at]
+    steps = np.diff(kept, axis=0)
+    steps = steps[steps.any(axis=1)]
+    ahead = steps[-1] if len(steps) else line[1] - line[0]
+    if ahead.any():
+        kept = np.vstack([kept, closest_to_ray(kept[-1], ahead / np.linalg.norm(ahead), area)])
+    return kept
 
 
 def closest_to_ray(start: Floats, ahead: Floats, tree: TriangleTree) -> Floats:
