@@ -289,22 +289,20 @@ def _arms(arms: JointArms, published: Sequence[LiteratureCurve]) -> dict[str, An
         "low": rounded(arms.drawn(arms.arms.min(axis=1))),
         "high": rounded(arms.drawn(arms.arms.max(axis=1))),
         "quartic": None if arms.quartic is None else rounded(arms.drawn(arms.quartic.mean(axis=1))),
-        "literature": [] if unit is None else published_curves(published, math.pi / 180.0 / unit),
+        "literature": [] if unit is None else list(published_curves(published, math.pi / 180.0 / unit)),
         "held": rounded([mean - error, mean + error]),
     }
 
 
-def published_curves(curves: Sequence[LiteratureCurve], per_degree: float = 1.0) -> list[dict[str, Any]]:
-    """Return published curves: bands, lines or single values."""
+def published_curves(curves: Sequence[LiteratureCurve], per_degree: float) -> Iterator[dict[str, Any]]:
+    """Yield published curves: bands, lines or single values."""
     colours: dict[str, str] = {}
-    published = []
     for curve in drawn(curves):
         colour = colours.setdefault(curve.source, PALETTE[-1 - len(colours) % len(PALETTE)])
         sides = {"y": curve.arms} if curve.upper is None else {"low": curve.arms, "high": curve.upper}
         columns = {"x": curve.angles * per_degree, **sides}
         rows = {key: rounded(column) for key, column in columns.items()}
-        published.append({"colour": colour, "label": curve.label} | rows)
-    return published
+        yield {"colour": colour, "label": curve.label} | rows
 
 
 def _coordinates(run: Result) -> Iterator[dict[str, Any]]:
