@@ -75,8 +75,7 @@ def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
     remedy = f"published moment arms have the columns {columns}, and part for several curves of a source"
     curves: dict[tuple[str, str, str, str], list[tuple[float, float]]] = {}
     for line, row in table_rows(path, needed=LITERATURE_COLUMNS, remedy=remedy):
-        empty = [name for name in LITERATURE_COLUMNS if not row[name]]
-        if empty:
+        if empty := [name for name in LITERATURE_COLUMNS if not row[name]]:
             raise InputError(path, f"line {line}: {empty[0]} is empty", "fill it in, or remove the line")
         key = (row["source"], row["muscle"], row["dof"], row.get("part", ""))
         angle, arm = (finite_number(row[name], name, path, f"line {line}") for name in LITERATURE_COLUMNS[3:])

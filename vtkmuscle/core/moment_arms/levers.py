@@ -97,8 +97,7 @@ def twists_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) -> tupl
     For a modelled joint the twists are exact, in every frame; else they are of the screws to poses that
     differ in the coordinate alone, possibly none. Parameters as for :func:`differences_by`.
     """
-    twists = motion.coordinates[name].twists
-    if twists is not None:
+    if (twists := motion.coordinates[name].twists) is not None:
         return np.arange(len(motion.times)), dict(twists)
     differences = differences_by(motion, name, among)
     result = {}
@@ -123,8 +122,7 @@ class MotionTwists:
         """Return each bone's twist (6,) by each coordinate. If known at a time."""
         result = {}
         for name, (frames, twists) in self._twists.items():
-            interval = interval_among(frames, self._times, time)
-            if interval is not None:
+            if (interval := interval_among(frames, self._times, time)) is not None:
                 a, b, part = interval
                 result[name] = {bone: (1.0 - part) * t[a] + part * t[b] for bone, t in twists.items()}
         return result
