@@ -180,8 +180,7 @@ def polylines_of(data: vtkPolyData, where: str) -> Polylines:
     lines = data.GetLines()
     if lines.GetNumberOfCells() == 0:
         raise InputError(where, "there are no polylines")
-    n_other = data.GetNumberOfCells() - lines.GetNumberOfCells()
-    if n_other:
+    if n_other := data.GetNumberOfCells() - lines.GetNumberOfCells():
         raise InputError(where, f"{n_other} cell(s) are not polylines", "keep the lines only")
     points = points_of(data).take(vtk_to_numpy(lines.GetConnectivityArray()), axis=0)
     if not np.isfinite(points).all():

@@ -109,9 +109,7 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
     boundary -= ndimage.distance_transform_edt(solid, sampling=spacing[::-1]).astype(np.float32)
     # Distances run between voxel centres, with the boundary halfway.
     boundary = boundary - np.sign(boundary) * np.float32(0.5 * spacing.min())
-    values = boundary
-    if smoothing > 0.0:
-        values = ndimage.gaussian_filter(boundary, smoothing, truncate=_TRUNCATED)
+    values = ndimage.gaussian_filter(boundary, smoothing, truncate=_TRUNCATED)
     inside = int(solid.sum())
     lowest = np.partition(values.ravel(), (inside - 1, inside))
     level = 0.5 * (lowest[inside - 1] + lowest[inside])

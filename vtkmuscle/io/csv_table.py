@@ -32,8 +32,7 @@ def table_rows(
     """Return line number and cells by column for each row."""
     rows = list(islice(csv_rows(path), None if most is None else most + 2))
     header = rows[0][1] if rows else []
-    twice = sorted({name for name in header if header.count(name) > 1})
-    if twice:
+    if twice := sorted({name for name in header if header.count(name) > 1}):
         problem = f"the column(s) {', '.join(twice)} appear twice" if any(twice) else "a column has no name"
         raise InputError(path, problem, "give each column a name of its own")
     if missing := [name for name in needed if name not in header]:

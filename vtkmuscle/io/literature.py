@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -75,8 +75,7 @@ def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
     remedy = f"published moment arms have the columns {columns}, and part for several curves of a source"
     curves: dict[tuple[str, str, str, str], list[tuple[float, float]]] = {}
     for line, row in table_rows(path, needed=LITERATURE_COLUMNS, remedy=remedy):
-        empty = [name for name in LITERATURE_COLUMNS if not row[name]]
-        if empty:
+        if empty := [name for name in LITERATURE_COLUMNS if not row[name]]:
             raise InputError(path, f"line {line}: {empty[0]} is empty", "fill it in, or remove the line")
         key = (row["source"], row["muscle"], row["dof"], row.get("part", ""))
         angle, arm = (finite_number(row[name], name, path, f"line {line}") for name in LITERATURE_COLUMNS[3:])
@@ -116,11 +115,10 @@ class DrawnCurve:
     upper: Floats | None = None
 
 
-def drawn(curves: Sequence[LiteratureCurve]) -> list[DrawnCurve]:
-    """Return curves for a figure: bands, lines or points."""
+def drawn(curves: Sequence[LiteratureCurve]) -> Iterator[DrawnCurve]:
+    """Yield curves for a figure: bands, lines or points."""
     uppers = {_band(curve): curve for curve in curves if curve.part.endswith(UPPER)}
     lowers = {_band(curve) for curve in curves if curve.part.endswith(LOWER)}
-    result = []
     for curve in curves:
         upper = uppers.get(_band(curve))
         if curve.part.endswith(LOWER) and upper is not None:
@@ -128,11 +126,10 @@ def drawn(curves: Sequence[LiteratureCurve]) -> list[DrawnCurve]:
             grid = np.unique(np.concatenate([curve.angles, upper.angles]))
             grid = grid[(grid >= first) & (grid <= last)]
             low, high = (np.interp(grid, side.angles, side.arms) for side in (curve, upper))
-            result.append(DrawnCurve(curve.source, f"{curve.source}, fibres", grid, low, high))
+            yield DrawnCurve(curve.source, f"{curve.source}, fibres", grid, low, high)
         elif not (curve.part.endswith(UPPER) and _band(curve) in lowers):  # drawn with the lower side
             label = ", ".join(word.replace("_", " ") for word in (curve.source, curve.part) if word)
-            result.append(DrawnCurve(curve.source, label, curve.angles, curve.arms))
-    return result
+            yield DrawnCurve(curve.source, label, curve.angles, curve.arms)
 
 
 def _band(curve: LiteratureCurve) -> tuple[str, str]:

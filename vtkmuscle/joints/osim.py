@@ -193,8 +193,7 @@ def bodies_in(model: Element) -> tuple[list[tuple[str, Element]], Frames]:
             raise body.error("another body has this name")
         bodies[body.name] = body
         frames.add_body(f"/{GROUND}" if body.name == GROUND else f"/bodyset/{body.name}", body)
-    ground = model.find("Ground")
-    if ground is not None:
+    if (ground := model.find("Ground")) is not None:
         bodies[GROUND] = ground
         frames.add_body(f"/{GROUND}", ground)
     for joint in model.within("JointSet"):

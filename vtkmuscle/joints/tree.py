@@ -250,14 +250,12 @@ class KinematicTree:
         moving = [joint for way in ways for name, joint in way.items() if name not in common]
         return self.freed(axis.coordinate for joint in moving for axis in joint.axes)
 
-    def way_up(self, body: str) -> list[Joint]:
-        """Return the joints from a body to the root."""
+    def way_up(self, body: str) -> Iterator[Joint]:
+        """Yield the joints from a body to the root."""
         parents = {joint.child: joint for joint in self.joints}
-        joints = []
         while body in parents:
-            joints.append(parents[body])
+            yield parents[body]
             body = parents[body].parent
-        return joints
 
     def freed(self, coordinates: Iterable[str | None]) -> tuple[str, ...]:
         """Return the free coordinates behind coordinates. Couplings lead to the independent coordinate."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -174,12 +174,11 @@ def add_time_slider(plotter: pyvista.Plotter, times: Sequence[float], **appearan
     return plotter.add_slider_widget(lambda time: show_time(plotter, time), span, **appearance)
 
 
-def _filters_behind(algorithm: Any) -> list[Filter]:
-    """Return the nearest filters of the package upstream."""
+def _filters_behind(algorithm: Any) -> Iterator[Filter]:
+    """Yield the nearest filters of the package upstream."""
     if isinstance(algorithm, Filter):
-        return [algorithm]
-    filters: list[Filter] = []
+        yield algorithm
+        return
     for port in range(algorithm.GetNumberOfInputPorts()):
         for index in range(algorithm.GetNumberOfInputConnections(port)):
-            filters += _filters_behind(algorithm.GetInputAlgorithm(port, index))
-    return filters
+            yield from _filters_behind(algorithm.GetInputAlgorithm(port, index))

@@ -79,17 +79,15 @@ def move_points(actor: vtkActor, points: Floats) -> None:
         _with_normals(data, vertex_normals(points, arrays.triangles_of(data, "plotting")))
 
 
-def fixed_point_actors(muscle: vtkPolyData, diameter: float) -> list[vtkActor]:
-    """Return fixed points as balls [pixels], coloured by bone."""
+def fixed_point_actors(muscle: vtkPolyData, diameter: float) -> Iterator[vtkActor]:
+    """Yield fixed points as balls [pixels], coloured by bone."""
     points, fixed_to = arrays.points_of(muscle), fixed_bones(muscle)
-    actors = []
     for bone in np.unique(fixed_to[fixed_to >= 0]):
         fixed = vtkPolyData(points=arrays.vtk_points(points[fixed_to == bone]))
         balls = vtkVertexGlyphFilter(input_data=fixed).update().output
         colour = views.PALETTE[bone % len(views.PALETTE)]
         look = {"ambient": 0.3, "render_points_as_spheres": True, "point_size": diameter}
-        actors.append(_actor(balls, colour, **look))
-    return actors
+        yield _actor(balls, colour, **look)
 
 
 def line_actor(lines: vtkPolyData, colour: str) -> vtkActor:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -98,7 +98,8 @@ def scene_of(run: Result, pack: Pack) -> dict[str, Any]:
         muscles.append({"name": name, "colour": colour_of(number), "surface": surface, "fibres": fibres})
     whole = merged(run.track(name).rest for name in run.muscle_names)
     view = {"towards": clearest_view([whole], [run.drawn_bones.spread()]).direction.tolist()}
-    return {"shown": shown, "mm": scale, "bones": _bones(run, shown, pack), "muscles": muscles, "view": view}
+    bones = list(_bones(run, shown, pack))
+    return {"shown": shown, "mm": scale, "bones": bones, "muscles": muscles, "view": view}
 
 
 def shown_of(count: int) -> list[int]:
@@ -107,15 +108,13 @@ def shown_of(count: int) -> list[int]:
     return [int(position) for position in np.unique(positions)]
 
 
-def _bones(run: Result, shown: list[int], pack: Pack) -> list[dict[str, Any]]:
+def _bones(run: Result, shown: list[int], pack: Pack) -> Iterator[dict[str, Any]]:
     frames = [run.frames[i] for i in shown]
-    bones = []
     for name, bone in run.drawn_bones.by_name.items():
         arrays = {"name": name, "points": pack.add_moving(bone.points[None])}
         arrays["normals"] = pack.add(np.rint(127.0 * bone.normals), "i8")
         arrays["triangles"] = _indices(bone.triangles, len(bone.points), pack)
-        bones.append(arrays | {"transforms": _rows(run.motion.transforms.get(name), frames)})
-    return bones
+        yield arrays | {"transforms": _rows(run.motion.transforms.get(name), frames)}
 
 
 def _rows(transforms: Floats | None, frames: list[int]) -> list[float] | None:
@@ -226,7 +225,7 @@ def curves_of(run: Result, pack: Pack) -> dict[str, Any]:
         "timeName": time_name,
         "timeUnit": f" {unit.removesuffix(']')}".rstrip(),
         "muscles": muscles,
-        "coordinates": _coordinates(run),
+        "coordinates": list(_coordinates(run)),
         "checks": [_check(run, measure, run.limits.get(measure.check)) for measure in shown],
     }
 
@@ -290,33 +289,29 @@ def _arms(arms: JointArms, published: Sequence[LiteratureCurve]) -> dict[str, An
         "low": rounded(arms.drawn(arms.arms.min(axis=1))),
         "high": rounded(arms.drawn(arms.arms.max(axis=1))),
         "quartic": None if arms.quartic is None else rounded(arms.drawn(arms.quartic.mean(axis=1))),
-        "literature": [] if unit is None else published_curves(published, math.pi / 180.0 / unit),
+        "literature": [] if unit is None else list(published_curves(published, math.pi / 180.0 / unit)),
         "held": rounded([mean - error, mean + error]),
     }
 
 
-def published_curves(curves: Sequence[LiteratureCurve], per_degree: float = 1.0) -> list[dict[str, Any]]:
-    """Return published curves: bands, lines or single values."""
+def published_curves(curves: Sequence[LiteratureCurve], per_degree: float) -> Iterator[dict[str, Any]]:
+    """Yield published curves: bands, lines or single values."""
     colours: dict[str, str] = {}
-    published = []
     for curve in drawn(curves):
         colour = colours.setdefault(curve.source, PALETTE[-1 - len(colours) % len(PALETTE)])
         sides = {"y": curve.arms} if curve.upper is None else {"low": curve.arms, "high": curve.upper}
         columns = {"x": curve.angles * per_degree, **sides}
         rows = {key: rounded(column) for key, column in columns.items()}
-        published.append({"colour": colour, "label": curve.label} | rows)
-    return published
+        yield {"colour": colour, "label": curve.label} | rows
 
 
-def _coordinates(run: Result) -> list[dict[str, Any]]:
-    """Return the coordinates of moment arms, with values."""
-    coordinates = []
+def _coordinates(run: Result) -> Iterator[dict[str, Any]]:
+    """Yield the coordinates of moment arms, with values."""
     for name in dict.fromkeys(name for arms in run.all_arms.values() for name in arms):
         own = run.motion.coordinates[name]
         words = {"name": name, "label": label_of(name), "unit": own.unit, "positive": own.positive}
         values = rounded(np.asarray(own.values)[list(run.frames)])
-        coordinates.append(words | {"of": "mm" if own.unit in ANGLES else "1", "values": values})
-    return coordinates
+        yield words | {"of": "mm" if own.unit in ANGLES else "1", "values": values}
 
 
 def _check(run: Result, measure: Measure, limit: tuple[float, float] | None) -> dict[str, Any]:

@@ -6,7 +6,7 @@ at its end are the attachment.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations, permutations
 from typing import NamedTuple
 
@@ -178,12 +178,10 @@ def _outer(distances: Floats, attached: Bools) -> Bools:
     return np.asarray(distances >= (1.0 - TENDON_END) * distances[attached].max())
 
 
-def _parts(edges: Ints, mask: Bools, far: int) -> list[Ints]:
-    """Return connected parts, with points cut off from a far point."""
+def _parts(edges: Ints, mask: Bools, far: int) -> Iterator[Ints]:
+    """Yield connected parts, with points cut off from a far point."""
     labels = point_components(len(mask), edges[mask[edges].all(axis=1)])
-    parts = []
     for label in np.unique(labels[mask]):
         part = mask & (labels == label)
         rest = point_components(len(mask), edges[~part[edges].any(axis=1)])
-        parts.append(np.intersect1d(edges, np.flatnonzero(rest != rest[far])))
-    return parts
+        yield np.intersect1d(edges, np.flatnonzero(rest != rest[far]))

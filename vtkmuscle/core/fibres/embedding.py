@@ -44,7 +44,7 @@ class EmbeddedPoints:
         self.weight_tolerance = weight_tolerance
         self._sparse: SparseWeights | None = None
         self._weights: dict[int, Floats] = {}
-        self._bent: TriangleTree | None = None
+        self._bent: TriangleTree | None = None  # alive for measures of the same pose
 
     @cached_property
     def gap(self) -> Floats:

@@ -12,7 +12,7 @@ from numpy.polynomial import Polynomial
 from scipy.cluster.vq import kmeans2
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
+from vtkmuscle.core.mesh.normals import angles_between, triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.polylines import curve_segments, evenly_spaced, nearest_arcs, polyline_lengths
 from vtkmuscle.core.mesh.surface import opposite_half_edges
 from vtkmuscle.core.morphing.sections import ClosedSurface, cut_surface, loop_areas
@@ -31,9 +31,7 @@ def line_of_action(points: Floats, offsets: Ints) -> Floats:
 
 def angles_to(points: Floats, offsets: Ints, direction: Floats) -> Floats:
     """Return angles (k,) between chords and a direction (3,) [degrees]. From 0 to 180."""
-    chords = points[offsets[1:] - 1] - points[offsets[:-1]]
-    across = np.linalg.norm(np.cross(chords, direction), axis=1)
-    return np.asarray(np.degrees(np.arctan2(across, chords @ direction)))
+    return angles_between(points[offsets[1:] - 1] - points[offsets[:-1]], direction)
 
 
 def have_area(points: Floats, triangles: Ints) -> Bools:
@@ -126,9 +124,8 @@ def arrangement(points: Floats, offsets: Ints, samples: Floats, volume: float) -
 
 def _turns(steps: Floats) -> Floats:
     """Return angles between steps (k, 3) of a line [degrees]. Without zero steps."""
-    ahead = unit_vectors(steps[np.linalg.norm(steps, axis=1) > 0.0])
-    cosines = (ahead[1:] * ahead[:-1]).sum(axis=1)
-    return np.asarray(np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0))))
+    proper = steps[np.linalg.norm(steps, axis=1) > 0.0]
+    return angles_between(proper[1:], proper[:-1])
 
 
 def _neighbours(middle: Floats) -> Ints:

@@ -14,6 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
+from vtkmuscle.core.mesh.normals import angles_between
 from vtkmuscle.core.mesh.polylines import (
     evenly_spaced,
     inner_points,
@@ -153,10 +154,7 @@ def _best_cut(departures: Floats, rays: Floats, ends: Floats, into: FloatMap, to
     levels, least = np.zeros(len(ends), dtype=np.int64), np.full(len(ends), np.inf)
     for level in range(len(CUTS)):
         starts, segments = departures[level, open_], ends[open_] - departures[level, open_]
-        dots, ray = (rays[level, open_] * segments).sum(axis=1), np.linalg.norm(rays[level, open_], axis=1)
-        scale = ray * np.linalg.norm(segments, axis=1)
-        cosines = np.divide(dots, scale, out=np.ones(len(scale)), where=scale > 0)
-        turns = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
+        turns = angles_between(rays[level, open_], segments)
         # A segment whose turn alone is worse than the best cut needs no check against the surface.
         worth = np.where(turns <= LARGEST_TURN, turns / 180.0, turns / LARGEST_TURN) < least[open_]
         if not worth.any():
@@ -195,10 +193,8 @@ def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
     ends = offsets[np.searchsorted(offsets, i, side="right")]
     counts = ends - offsets[np.searchsorted(offsets, i, side="right") - 1]
     i = i[i >= ends - 1 - counts // 3]
-    before, after = points[i] - points[i - 1], points[i + 1] - points[i]
-    sines = np.linalg.norm(np.cross(before, after), axis=1)
     turns = np.zeros(len(points))
-    turns[i] = np.degrees(np.arctan2(sines, (before * after).sum(axis=1)))
+    turns[i] = angles_between(points[i] - points[i - 1], points[i + 1] - points[i])
     return np.maximum.reduceat(turns, offsets[:-1])
 
 
@@ -247,30 +243,27 @@ def ends_as_printed(
     lines = [points[first:last] for first, last in pairwise(offsets)]
     for area, direction in ((insertion, axis), (origin, -axis)):
         height = float((area.landmarks @ direction).min())
-        lines = [line[::-1] for line in _extended(lines, direction, height, area.samples.tree)]
+        lines = [_extended(line, direction, height, area.samples.tree)[::-1] for line in lines]
     return np.vstack(lines), np.append(0, np.cumsum([len(line) for line in lines]))
 
 
-def _extended(lines: list[Floats], direction: Floats, height: float, area: TriangleTree) -> list[Floats]:
-    """Return lines cut at a plane near their ends, with a segment to an area."""
-    result = list(lines)
-    for number, line in enumerate(lines):
-        beyond = line @ direction - height
-        if beyond[0] >= 0.0:
-            continue
-        past, kept = np.flatnonzero(beyond > 0.0), line
-        if len(past):
-            at = int(past[0])
-            share = beyond[at - 1] / (beyond[at - 1] - beyond[at])
-            crossing = line[at - 1] + share * (line[at] - line[at - 1])
-            kept = np.vstack([line[:at], crossing]) if share > 0.0 else line[:at]
-        steps = np.diff(kept, axis=0)
-        steps = steps[steps.any(axis=1)]
-        ahead = steps[-1] if len(steps) else line[1] - line[0]
-        if ahead.any():
-            kept = np.vstack([kept, closest_to_ray(kept[-1], ahead / np.linalg.norm(ahead), area)])
-        result[number] = kept
-    return result
+def _extended(line: Floats, direction: Floats, height: float, area: TriangleTree) -> Floats:
+    """Return a line cut at a plane near its end, with a segment to an area."""
+    beyond = line @ direction - height
+    if beyond[0] >= 0.0:
+        return line
+    past, kept = np.flatnonzero(beyond > 0.0), line
+    if len(past):
+        at = int(past[0])
+        share = beyond[at - 1] / (beyond[at - 1] - beyond[at])
+        crossing = line[at - 1] + share * (line[at] - line[at - 1])
+        kept = np.vstack([line[:at], crossing]) if share > 0.0 else line[:at]
+    steps = np.diff(kept, axis=0)
+    steps = steps[steps.any(axis=1)]
+    ahead = steps[-1] if len(steps) else line[1] - line[0]
+    if ahead.any():
+        kept = np.vstack([kept, closest_to_ray(kept[-1], ahead / np.linalg.norm(ahead), area)])
+    return kept
 
 
 def closest_to_ray(start: Floats, ahead: Floats, tree: TriangleTree) -> Floats:

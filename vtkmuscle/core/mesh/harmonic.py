@@ -51,8 +51,7 @@ def harmonic_extension(points: Floats, triangles: Ints, fixed: Ints, values: Flo
     the values.
     """
     n = len(points)
-    result = np.empty((n, values.shape[1]))
-    result[:] = values.mean(axis=0)
+    result: Floats = np.tile(values.mean(axis=0), (n, 1))
     result[fixed] = values
     components = point_components(n, half_edges(triangles))
     reached = np.isin(components, components[fixed])

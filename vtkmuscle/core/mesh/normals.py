@@ -93,6 +93,12 @@ def unit_vectors(vectors: Floats) -> Floats:
     return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0))
 
 
+def angles_between(first: Floats, second: Floats) -> Floats:
+    """Return angles (...) between vectors (..., 3) [degrees]. 0 for a zero vector."""
+    across = np.linalg.norm(np.cross(first, second), axis=-1)
+    return np.asarray(np.degrees(np.arctan2(across, (first * second).sum(axis=-1))))
+
+
 def perpendiculars(axis: Floats) -> tuple[Floats, Floats]:
     """Return two unit vectors (3,) that complete a right-handed frame with the axis as its third."""
     first = np.cross(np.eye(3)[int(np.abs(axis).argmin())], axis)

@@ -7,7 +7,7 @@ of q, without a motion.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -97,8 +97,7 @@ def twists_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) -> tupl
     For a modelled joint the twists are exact, in every frame; else they are of the screws to poses that
     differ in the coordinate alone, possibly none. Parameters as for :func:`differences_by`.
     """
-    twists = motion.coordinates[name].twists
-    if twists is not None:
+    if (twists := motion.coordinates[name].twists) is not None:
         return np.arange(len(motion.times)), dict(twists)
     differences = differences_by(motion, name, among)
     result = {}
@@ -123,8 +122,7 @@ class MotionTwists:
         """Return each bone's twist (6,) by each coordinate. If known at a time."""
         result = {}
         for name, (frames, twists) in self._twists.items():
-            interval = interval_among(frames, self._times, time)
-            if interval is not None:
+            if (interval := interval_among(frames, self._times, time)) is not None:
                 a, b, part = interval
                 result[name] = {bone: (1.0 - part) * t[a] + part * t[b] for bone, t in twists.items()}
         return result
@@ -166,11 +164,10 @@ def frames_of_sweep(motion: RigidMotion, coordinate: str) -> Bools:
     return kept
 
 
-def _conflicts(values: Floats, rotations: Rotation) -> list[tuple[int, int]]:
-    """Return pairs of frames that cannot both be in the sweep."""
+def _conflicts(values: Floats, rotations: Rotation) -> Iterator[tuple[int, int]]:
+    """Yield pairs of frames that cannot both be in the sweep."""
     order = np.argsort(values, kind="stable")
     ascending = values[order]
-    pairs = []
     for i in range(len(values) - 1):
         low, high = sorted(values[i : i + 2])
         between = order[np.searchsorted(ascending, low, "left") : np.searchsorted(ascending, high, "right")]
@@ -178,14 +175,13 @@ def _conflicts(values: Floats, rotations: Rotation) -> list[tuple[int, int]]:
         step = (rotations[i].inv() * rotations[i + 1]).as_rotvec()
         allowed = np.radians(SAME_POSE) + SAME_POSE_PART * np.linalg.norm(step)
         if low == high and np.linalg.norm(step) > allowed:
-            pairs.append((i, i + 1))
+            yield i, i + 1
         if len(between):
             gone = values[between] - values[i]  # 0 if the value stays
             parts = gone / (values[i + 1] - values[i]) if low < high else gone
             expected = rotations[i] * Rotation.from_rotvec(np.outer(parts, step))
             apart = (expected.inv() * rotations[between]).magnitude() > allowed
-            pairs += [(min(i, int(j)), max(i + 1, int(j))) for j in between[apart]]
-    return pairs
+            yield from ((min(i, j), max(i + 1, j)) for j in between[apart].tolist())
 
 
 #: Steps on either side in the comparison, and fewest in all: a line through two steps predicts no third.
