@@ -145,6 +145,11 @@ def test_hooks_and_turns_are_counted(rng):
     assert found(arcs, inside(rng)).turning == pytest.approx(180.0 * 29 / 30, rel=1e-6)
 
 
+def test_the_grain_of_fibres_of_many_points_is_no_turn(rng):
+    fine = np.linspace(sheet()[:, 0], sheet()[:, -1], 1000, axis=1)
+    assert found(fine + rng.normal(0.0, 0.01, fine.shape), inside(rng)).turning < 60.0
+
+
 def test_fibres_much_longer_than_their_spacing_leave_nothing_bare_between_stations(rng):
     long = sheet() * [1.0, 1.0, 10.0]
     assert found(long, inside(rng, high=(19.0, 7.0, 600.0))).bare == 0.0

@@ -109,7 +109,9 @@ def arrangement(points: Floats, offsets: Ints, samples: Floats, volume: float) -
     """Return the arrangement of fibres in a muscle of a volume, with samples (m, 3) of even density."""
     fibres = [points[a:b] for a, b in pairwise(offsets)]
     lines = evenly_spaced(points, offsets, STATIONS)
-    turns = [_turns(np.diff(fibre, axis=0)) for fibre in fibres]
+    # Between the points of finer fibres the grain of the surface turns them, not their course.
+    courses = [line if len(fibre) > STATIONS else fibre for line, fibre in zip(lines, fibres, strict=True)]
+    turns = [_turns(np.diff(course, axis=0)) for course in courses]
     neighbours, bare = _neighbours(lines[:, STATIONS // 2]), 0.0
     if len(samples):
         spacing = _spacing(lines, offsets, points, samples, abs(volume))
