@@ -1,9 +1,11 @@
 """Scenes and results as mappings, settings of a run, and cells of notebooks."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import pyvista as pv
 
 from vtkmuscle import InputError, Scene, phantoms
 from vtkmuscle.plotting import can_render
@@ -28,6 +30,20 @@ def test_a_scene_and_a_result_are_read_by_names(scene, result):
     assert list(result) == list(result.keys()) == ["spindle"]
     assert [muscle.verdict for muscle in result.values()] == ["ok"]
     assert "thigh" not in result
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "told"),
+    [
+        ("bones", None, r"Scene.bones is None, but bones must be a mapping of names to vtkPolyData"),
+        ("bones", {"shin": "shin.stl"}, r"Scene.bones\['shin'\] is 'shin.stl', but bones must be"),
+        ("muscles", {"soleus": pv.Sphere()}, r"Scene.muscles\['soleus'\] is PolyData .* names to Muscle"),
+        ("motion", "motion.csv", r"Scene.motion is 'motion.csv', but must be a RigidMotion, such as of"),
+    ],
+)
+def test_content_of_another_kind_is_refused(scene, field, value, told):
+    with pytest.raises(TypeError, match=told):
+        replace(scene, **{field: value})
 
 
 def test_settings_of_a_run_are_those_of_the_scene(scene, result):

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from html import escape
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.words import ByName, listed, suggestion
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.words import ByName, listed, quoted, suggestion
 from vtkmuscle.core.words import names as as_names
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.plotting.drawing import html_picture
@@ -94,8 +95,13 @@ class Scene(SceneData, ByName):
     """
 
     def __post_init__(self) -> None:
-        bones = blocks_of(self.bones) if isinstance(self.bones, vtkMultiBlockDataSet) else self.bones
-        object.__setattr__(self, "bones", dict(bones))
+        bones = dict(blocks_of(self.bones)) if isinstance(self.bones, vtkMultiBlockDataSet) else self.bones
+        object.__setattr__(self, "bones", _by_name("bones", bones, vtkPolyData))
+        object.__setattr__(self, "muscles", _by_name("muscles", self.muscles, Muscle))
+        motion: Any = self.motion
+        if not isinstance(motion, RigidMotion):
+            hint = "such as of vtkmuscle.hinge or vtkmuscle.io.read_motion_table"
+            raise TypeError(f"Scene.motion is {quoted(motion)}, but must be a RigidMotion, {hint}")
         object.__setattr__(self, "muscles", checked(self))
 
     @classmethod
@@ -271,3 +277,14 @@ class Scene(SceneData, ByName):
             fibres = None if muscle.fibres is None else {**muscle.fibres, **of_fibres}
             muscles[name] = replace(muscle, solver={**muscle.solver, **solver}, fibres=fibres)
         return replace(self, muscles=muscles, files={}, **own)
+
+
+def _by_name(field: str, values: Any, kind: type) -> dict[str, Any]:
+    """Return the values of a scene's field by name; TypeError for other kinds."""
+    wrong = {field: values}
+    if isinstance(values, Mapping):
+        wrong = {f"{field}[{name!r}]": value for name, value in values.items() if not isinstance(value, kind)}
+    for where, value in wrong.items():
+        allowed = f"{field} must be a mapping of names to {kind.__name__}"
+        raise TypeError(f"Scene.{where} is {' '.join(quoted(value).split())}, but {allowed}")
+    return dict(values)
