@@ -196,13 +196,21 @@ LONGEST = 3000.0
 
 def isosurface(values: Floats, origin: Floats, spacing: float) -> tuple[Floats, Ints]:
     """Return the outward zero surface of grid values."""
-    image = vtkImageData(dimensions=values.shape, origin=tuple(origin), spacing=(spacing,) * 3)
+    # Without keywords, here and below: ParaView's VTK is older.
+    image = vtkImageData()
+    image.SetDimensions(*values.shape)
+    image.SetOrigin(*origin)
+    image.SetSpacing(spacing, spacing, spacing)
     # VTK's isosurface faces falling values: the changed sign makes the surface face outward.
     add_arrays(image, points={"inside": -values.ravel(order="F")})
     image.GetPointData().SetActiveScalars("inside")
-    contour = vtkFlyingEdges3D(input_data=image, compute_normals=False, compute_scalars=False)
+    contour = vtkFlyingEdges3D()
+    contour.SetInputData(image)
     contour.SetValue(0, 0.0)
-    return checked_surface(contour.update().output, "isosurface")
+    contour.ComputeNormalsOff()
+    contour.ComputeScalarsOff()
+    contour.Update()
+    return checked_surface(contour.GetOutput(), "isosurface")
 
 
 def evened(
@@ -234,9 +242,12 @@ def decimated(
     points: Floats, triangles: Ints, n_triangles: int, *, regular: bool = False
 ) -> tuple[Floats, Ints]:
     """Return a surface of about `n_triangles` (Garland, Heckbert 1997, doi:10.1145/258734.258849)."""
-    part, surface = 1.0 - n_triangles / len(triangles), surface_from(points, triangles)
-    decimation = vtkQuadricDecimation(input_data=surface, target_reduction=part, regularize=regular)
-    return checked_surface(decimation.update().output, "the decimated surface")
+    decimation = vtkQuadricDecimation()
+    decimation.SetRegularize(regular)
+    decimation.SetInputData(surface_from(points, triangles))
+    decimation.SetTargetReduction(1.0 - n_triangles / len(triangles))
+    decimation.Update()
+    return checked_surface(decimation.GetOutput(), "the decimated surface")
 
 
 def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:

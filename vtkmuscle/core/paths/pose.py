@@ -40,8 +40,10 @@ ITERATIONS = 300
 
 #: Steps of Newton's method with the matrix alone. A sheet that has not settled by then swings: the matrix
 #: lacks stiffness, of turning pairs or of a crease between two slopes of a bone. Further steps add the
-#: stiffness that earlier steps lacked, times :data:`KEPT_STIFFNESS` for each step since. In V-shaped grooves
-#: 25 of 81 poses do not settle without the added stiffness, and 2 with it. Kept whole, it makes steps small.
+#: stiffness that earlier steps lacked, times :data:`KEPT_STIFFNESS` for each step since. Kept whole, it makes
+#: steps small. Of nine poses of a sheet in the groove of a pulley (test_creases) four do not settle without
+#: it, one with it from 4 steps on, none from 10, 30, 60 or 100 on, in 487, 464, 593 and 839 steps. With 60
+#: all settlings of a real hip, of up to 56 steps, stay as they are.
 PLAIN_STEPS, KEPT_STIFFNESS = 60, 0.95
 
 #: Earlier points whose gradients improve a step: with 2 a tenth fewer steps are taken than with none, and
@@ -173,7 +175,8 @@ class SheetPose:
         slopes: deque[float] = deque(maxlen=4)
         self.look_at(x)
         for number in range(ITERATIONS):
-            self._blocks += lacking
+            if number > PLAIN_STEPS:
+                self._blocks += lacking
             plain = slope = self.step()
             now = x, self.gradient.copy(), self.way.copy()
             if len(before) == SECANTS:
