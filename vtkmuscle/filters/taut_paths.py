@@ -28,7 +28,7 @@ from vtkmuscle.filters.base.parameters import quality_of
 PATH_PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "preview": {"resolution": 24, "n_paths": 25},
-        "balanced": {"resolution": POINTS - 1, "n_paths": ALL_PATHS},
+        "balanced": {"resolution": POINTS - 1, "n_paths": 100},
         "accurate": {"resolution": 2 * (POINTS - 1), "n_paths": ALL_PATHS},
     }
 )
@@ -70,7 +70,8 @@ class TautPaths(Filter):
         segments have moment arms 1 % smaller than 32 and 64, which agree; time grows with the resolution.
     n_paths
         Number of solved paths; all, if there are no more fibres. Fewer carry the paths of the other fibres by
-        fixed weights. Time grows with the solved paths; the output has the paths of all fibres.
+        fixed weights; the output has the paths of all fibres. Time grows faster than the number of solved
+        paths.
     levers
         Compute the moment arm of each path for each coordinate.
     checkpoint_memory
@@ -122,7 +123,7 @@ class TautPaths(Filter):
 
     quality = quality_of(PATH_PRESETS)
     resolution = Parameter(int, default=POINTS - 1, minimum=4, maximum=1000)
-    n_paths = Parameter(int, default=ALL_PATHS, minimum=LEAST_PATHS, maximum=ALL_PATHS)
+    n_paths = Parameter(int, default=100, minimum=LEAST_PATHS, maximum=ALL_PATHS)
     levers = Parameter(bool, default=True)
     checkpoint_memory = Parameter(float, default=64.0, minimum=0.0, units="MB")
 
