@@ -55,14 +55,13 @@ class Guides:
             sites = np.hstack([fibres[:, station], bones])
             weights[:] = thin_plate_weights(sites[self.numbers], sites[self._others])
 
-    def carry(self, guides: Floats, moves: Floats | None) -> Floats:
+    def carry(self, guides: Floats, moves: Floats) -> Floats:
         """Return all fibres' points, or velocities, of those of the guides.
 
         ``guides`` are (g, n, 3); the result is (f, n, 3). ``moves`` (b, 4, 4) take points at rest to where
-        the bones take them, or to their velocities with the bones; None for bones without velocity.
+        the bones take them, or to their velocities with the bones.
         """
-        still = np.zeros(self._fibres.shape)
-        result = still if moves is None else with_bones(self._fibres, *self._ends, moves)
+        result = with_bones(self._fibres, *self._ends, moves)
         drift = guides - result[self.numbers]
         result[self.numbers] = guides
         result[self._others] += (self._weights @ drift.swapaxes(0, 1)).swapaxes(0, 1)

@@ -54,10 +54,8 @@ def path_levers(
     carried : (Guides, (b, 4, 4)), optional, carry the paths of further fibres, in a pose of the bones.
     """
     change, step = solver
-    paths = points if carried is None else carried[0].carry(points, carried[1])
-    segments = np.diff(paths, axis=1)
-    sizes = np.linalg.norm(segments, axis=2, keepdims=True)
-    pull = np.diff(segments / np.maximum(sizes, np.finfo(float).tiny), axis=1, prepend=0.0, append=0.0)
+    pull = _pull_of(points)
+    all_pull = pull if carried is None else _pull_of(carried[0].carry(points, carried[1]))
     starting, ending = ends
     touched = sorted({*starting.tolist(), *ending.tolist(), *loads})
     # To begin with points go with the ends by how near they are to each.
@@ -66,12 +64,6 @@ def path_levers(
     start = drift.copy()
     start[:, [0, -1]] = 0.0
     along_drift = change(start)
-
-    def shortening(velocity: Floats, twist: Floats | None = None) -> Floats:
-        """Return the rates of shortening (k,) of all paths; without a twist the ends stay."""
-        if carried is not None:
-            velocity = carried[0].carry(velocity, None if twist is None else _moved_by(twist, carried[1]))
-        return np.asarray(np.einsum("fni,fni->f", pull, velocity))
 
     def lever(twist: Floats) -> Floats:
         velocity, by_loads = np.zeros_like(points), np.zeros_like(points)
@@ -87,24 +79,37 @@ def path_levers(
         part = -float(np.vdot(gradient, along_drift)) / (float(np.vdot(along_drift, along_drift)) or 1.0)
         velocity += part * start
         gradient += part * along_drift
-        rates, largest = shortening(velocity, twist), 0.0
-        least = TOLERANCE * float(np.linalg.norm(velocity[:, [0, -1]], axis=2).max())
+        least, largest = TOLERANCE * float(np.linalg.norm(velocity[:, [0, -1]], axis=2).max()), 0.0
         for more in _responses(gradient, change, step):
-            change_of_rates = shortening(more)
-            size = float(np.sqrt((change_of_rates**2).mean()))
+            size = float(np.sqrt((_shortening(pull, more) ** 2).mean()))
             if largest > 0.0 and size > LARGEST_GROWTH * largest:
                 break
-            rates, largest = rates + change_of_rates, max(largest, size)
+            velocity += more
+            largest = max(largest, size)
             if size < least:
                 break
-        return rates
+        if carried is not None:
+            velocity = carried[0].carry(velocity, _moved_by(twist, carried[1]))
+        return _shortening(all_pull, velocity)
 
     # All bones that move together leave the lengths as they are.
     relative = twists - twists[:, touched[:1]]
-    levers = np.zeros((len(twists), len(paths)))
+    levers = np.zeros((len(twists), len(all_pull)))
     for number in np.flatnonzero(relative[:, touched].any(axis=(1, 2))):
         levers[number] = lever(relative[number])
     return levers
+
+
+def _pull_of(paths: Floats) -> Floats:
+    """Return the pull of a unit tension in paths on their points, (f, n, 3)."""
+    segments = np.diff(paths, axis=1)
+    sizes = np.linalg.norm(segments, axis=2, keepdims=True)
+    return np.diff(segments / np.maximum(sizes, np.finfo(float).tiny), axis=1, prepend=0.0, append=0.0)
+
+
+def _shortening(pull: Floats, velocity: Floats) -> Floats:
+    """Return the rates of shortening of paths, (f,)."""
+    return np.asarray(np.einsum("fni,fni->f", pull, velocity))
 
 
 def _moved_by(twist: Floats, transforms: Floats) -> Floats:
