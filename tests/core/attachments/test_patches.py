@@ -201,5 +201,5 @@ def test_landmarks_on_unconnected_pieces_are_refused():
     points = np.vstack([BALL[0], BALL[0] + [50.0, 0.0, 0.0]])
     triangles = np.vstack([BALL[1], BALL[1] + len(BALL[0])])
     across = np.array([[0.0, 0.0, 20.0], [50.0, 0.0, 20.0]])
-    with pytest.raises(ValueError, match="several pieces"):
+    with pytest.raises(ValueError, match="separate pieces"):
         attachment_patch(points, triangles, across, False)

@@ -52,14 +52,16 @@ def geodesic_curve(points: Floats, edges: Ints, vertices: Ints, *, closed: bool)
         aside = (np.cross(middles - points[start], chord) ** 2).sum(axis=1) / square**2  # squared, in chords
         weights = lengths * (1.0 + _STRAIGHTNESS * aside)
         graph = csr_array((weights, edges[:, 1], starts), shape=(len(points), len(points)))
-        before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)[1]
-        path = [end]
-        while path[-1] != start and before[path[-1]] >= 0:
-            path.append(int(before[path[-1]]))
-        if path[-1] != start:
-            problem = f"no edges connect muscle points {start} and {end}, nearest to neighbouring landmarks: "
-            problem += "the muscle is in several pieces"
+        for limit in (2.0 * float(np.sqrt(square)), np.inf):  # few ways are longer than twice the chord
+            before = dijkstra(graph, directed=False, indices=start, return_predecessors=True, limit=limit)[1]
+            if before[end] >= 0 or start == end:
+                break
+        else:
+            problem = f"points {start} and {end}, next to landmarks, are on separate pieces of the muscle"
             raise InputError("", problem, "split the attachment, or join the pieces")
+        path = [end]
+        while path[-1] != start:
+            path.append(int(before[path[-1]]))
         curve += path[-2::-1]
     return np.array(curve, dtype=np.int64)
 
