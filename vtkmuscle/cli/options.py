@@ -115,11 +115,12 @@ def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, s
 
 
 #: Exit status if a muscle failed and all else was written, of input that cannot be used, of a fault of the
-#: package, and of Ctrl-C (128 + SIGINT, as in shells).
+#: package, of Ctrl-C (128 + SIGINT, as in shells), and without a reader of the output (128 + SIGPIPE).
 FAILED = 1
 BAD_INPUT = 2
 FAULT = 3
 INTERRUPTED = 130
+NO_READER = 141
 
 #: Set by Ctrl-C: a callback of a library may swallow the KeyboardInterrupt.
 _pressed = threading.Event()
@@ -153,6 +154,8 @@ def one_clear_error(out: Path | None) -> Iterator[None]:
                 check_name(out)
             yield
     except (ValueError, OSError, MemoryError) as error:
+        if isinstance(error, BrokenPipeError):  # as by "| head"; a child process that dies has its own error
+            raise typer.Exit(NO_READER) from error
         for fault in getattr(error, "faults", (error,)):
             print_error(f"error: {_words(fault)}")
         raise typer.Exit(BAD_INPUT) from error
