@@ -318,7 +318,7 @@ def _header(lines: list[str], path: Path) -> tuple[dict[str, str], int]:
             return header, number + 1
         key, _, value = plain.partition("=" if "=" in plain else " ")
         header[key.strip().lower()] = value.strip()
-    raise InputError(path, "there is no line 'endheader'", "export it again as a .mot or .sto file, or as a .csv")
+    raise InputError(path, "there is no line 'endheader'", "export it again, as .mot, .sto or .csv")
 
 
 def _labels(lines: list[str], start: int, path: Path) -> list[str]:
