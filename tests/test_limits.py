@@ -1,6 +1,7 @@
 """Limits and types: what is too much, or no file, is one clear error and no traceback."""
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -109,6 +110,16 @@ def test_output_that_cannot_be_written_is_no_traceback(scene_file, command):
     assert done.stderr.startswith("error: ")
     assert done.stderr.endswith("No space left on device\n")
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_reader_that_ends_ends_the_command_without_a_word(scene_file):
+    """``vtkmuscle info FILES | head`` printed "error: Broken pipe"."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "vtkmuscle", "info", scene_file.parent / "muscles/spindle.vtp"]
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, check=False, timeout=120)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (128 + signal.SIGPIPE, b"")
 
 
 def test_a_path_that_is_no_text_is_refused_before_the_work(scene_file):

@@ -57,6 +57,8 @@ def test_a_run_is_not_written_over_its_inputs(scene_file):
     for insist in ((), ("--overwrite",)):
         done = vtkmuscle_("run", scene_file, "--out", scene_file.parent, *QUICK, *insist)
         assert refused(scene_file.parent, done, "an input (bones.upper.surface)")
+    with pytest.raises(ValueError, match="an input"):  # changed settings lost the inputs
+        Scene.load(scene_file).run(scene_file.parent, overwrite=True, quality="preview")
     assert contents(scene_file.parent) == before
 
 

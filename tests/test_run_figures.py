@@ -18,6 +18,7 @@ from vtkmuscle import Scene
 from vtkmuscle.plotting import can_render, drawing
 from vtkmuscle.plotting.drawing import FigureOrder
 from vtkmuscle.plotting.sheets import SCREEN
+from vtkmuscle.report.data import Pack, curves_of
 from vtkmuscle.run import figures as run_figures
 from vtkmuscle.run import result as run_result
 from vtkmuscle.run import steps as run_steps
@@ -116,6 +117,11 @@ def test_several_coordinates_are_named_with_their_values(tmp_path):
     assert frames.arguments["frames"][-1].label == "right hip flexion 20°, lower 0°"
     assert lengths.arguments["time_label"] == "right hip flexion [degrees]\nlower [degrees]"
     assert list(lengths.arguments["ticks"].values()) == ["0\n0", "0\n10", "20\n10", "20\n0"]
+    curves = curves_of(result, Pack())
+    assert curves["timeLabel"] == "pose"
+    arms, axis = curves["muscles"][0]["arms"]["hip_flexion_r"], curves["coordinates"][0]
+    assert arms["values"] == [axis["values"][int(at)] for at in arms["frames"]]
+    assert sorted(set(arms["frames"])) == [0, 1, 2, 3], "the page shows the arm of each pose"
 
 
 @pytest.fixture

@@ -228,3 +228,25 @@ def test_subjects_with_similar_names_keep_their_own_folders_and_rows(scene, tmp_
     assert table["length_mm"][0] == own["length_mm"][0]
     assert table["length_mm"].tolist() == again["length_mm"].tolist()
     assert table["length_mm"][0] != table["length_mm"][1]
+
+
+def test_a_cohort_takes_muscles_and_settings_and_judges_changed_facts_anew(tmp_path, solved):
+    """Settings were refused, and a finished folder was read although its scene's file had changed."""
+    file, out = write_tiny_scene(tmp_path / "anna"), tmp_path / "out"
+    own = {"workers": 1, "frames": "0:2", "muscles": "spindle"}
+    first = vtkmuscle.cohort([file], out, **own)
+    fewer = vtkmuscle.cohort([file], out, n_fibres=4, **own)
+    direct = Scene.load(file).run(frames="0:2", n_fibres=4).lengths["spindle"]
+    assert fewer["length_mm"] == pytest.approx(direct.mean(), rel=1e-12)
+    assert fewer["length_mm"] != first["length_mm"]
+    options = "--frames", "0:2", "--workers", "1", "--muscle", "spindle", "--quality", "preview"
+    assert vtkmuscle_("cohort", file, "--out", out, *options).exit_code == 0
+    assert len(solved) == 4
+    assert vtkmuscle_("cohort", file, "--out", out, *options).exit_code == 0
+    assert len(solved) == 4, "a finished folder with equal settings is read"
+    file.write_text(file.read_text() + '\n[guessed]\n"units" = 0.1\n')
+    assert vtkmuscle_("cohort", file, "--out", out, *options).exit_code == 0
+    assert len(solved) == 5
+    with pytest.raises(TypeError, match="n_fibres"):
+        vtkmuscle.cohort([file], n_fibers=4)
+    assert "no muscle 'spindel'" in vtkmuscle.cohort([file], workers=1, muscles="spindel")["message"][0]

@@ -17,6 +17,7 @@ from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import SAME, Floats
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, read_literature, side_apart
 from vtkmuscle.run import Result, Table
+from vtkmuscle.run.result_data import UNNAMED
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -205,7 +206,7 @@ def curves_of(result: Result, muscle: str) -> list[Curve]:
     own = {name: q.values for name, q in every.items() if q.changes and (crossed is None or name in crossed)}
     times, poses = np.asarray(result.times, dtype=np.float64), None
     over = result.time_label.removeprefix("right ").removeprefix("left ")
-    if over == "time" and own and is_grid([q.values for q in every.values() if q.changes]):
+    if over in UNNAMED and own and is_grid([q.values for q in every.values() if q.changes]):
         over = f"poses of {', '.join(label_of(side_apart(name)) for name in own)}"
         frames = np.asarray(result.frames)
         times, poses = frames.astype(np.float64), np.column_stack(list(own.values()))[frames]

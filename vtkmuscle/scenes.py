@@ -35,7 +35,7 @@ _OWN = [each.name for each in fields(SceneData) if each.name not in _CONTENT]
 #: Parameters of the paths among the settings: ``resolution`` alone is of the fibres.
 _PATHS = {"n_paths": "n_paths"} | {f"paths.{name}": name for name in Paths.model_fields}
 #: All settings of :meth:`Scene.with_settings`.
-_SETTINGS = list(dict.fromkeys([*_OWN, *_PATHS, *Solver.model_fields, *Fibres.model_fields]))
+SETTINGS = list(dict.fromkeys([*_OWN, *_PATHS, *Solver.model_fields, *Fibres.model_fields]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,11 +190,16 @@ class Scene(SceneData, ByName):
         """
         if out is not None and not str(out):
             raise ValueError("out is empty; give the name of a folder")
+        scene, options = self.chosen(muscles, **options)
+        return run_scene(scene, None if out is None else Path(out), run_options(options, SETTINGS))
+
+    def chosen(
+        self, muscles: str | Sequence[str] | None = None, **options: Any
+    ) -> tuple[Self, dict[str, Any]]:
+        """Return the scene with selected muscles and changed settings, and the remaining options."""
         scene = self if muscles is None else self.with_muscles(*as_names(muscles))
-        settings = {name: options.pop(name) for name in _SETTINGS if name in options}
-        if settings:
-            scene = scene.with_settings(**settings)
-        return run_scene(scene, None if out is None else Path(out), run_options(options, _SETTINGS))
+        settings = {name: options.pop(name) for name in SETTINGS if name in options}
+        return scene.with_settings(**settings) if settings else scene, options
 
     def keys(self) -> list[str]:
         """Return the names of muscles and bones, over which a scene iterates."""
@@ -264,8 +269,8 @@ class Scene(SceneData, ByName):
         8
         """
         for name in settings:
-            if name not in _SETTINGS:
-                raise SceneError(f"a scene has no setting {name!r}", "", suggestion(name, _SETTINGS))
+            if name not in SETTINGS:
+                raise SceneError(f"a scene has no setting {name!r}", "", suggestion(name, SETTINGS))
         own = {name: value for name, value in settings.items() if name in _OWN}
         if paths := {_PATHS[name]: value for name, value in settings.items() if name in _PATHS}:
             own["paths"] = {**(own.get("paths", self.paths) or {}), **paths}
@@ -276,7 +281,7 @@ class Scene(SceneData, ByName):
         for name, muscle in self.muscles.items():
             fibres = None if muscle.fibres is None else {**muscle.fibres, **of_fibres}
             muscles[name] = replace(muscle, solver={**muscle.solver, **solver}, fibres=fibres)
-        return replace(self, muscles=muscles, files={}, **own)
+        return replace(self, muscles=muscles, **own)
 
 
 def _by_name(field: str, values: Any, kind: type) -> dict[str, Any]:

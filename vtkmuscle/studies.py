@@ -21,7 +21,8 @@ from vtkmuscle.io.writing import Outputs, locked
 from vtkmuscle.run import Result, Table, frame_numbers
 from vtkmuscle.run.frames import run_options
 from vtkmuscle.run.store import PAGE, ResultFolder, muscle_keys
-from vtkmuscle.scenes import Scene
+from vtkmuscle.run.store.writing import digests
+from vtkmuscle.scenes import SETTINGS, Scene
 
 #: Columns that every table has after the subject or the settings; columns of numbers follow.
 COLUMNS = ("muscle", "verdict", "message", "folder")
@@ -54,7 +55,8 @@ def cohort(
         Scenes by the name of the subject; by default the path, or the name of the scene.
     out : path, optional
         Folder for the results: a run folder per subject, and ``cohort.csv``. A finished run folder with
-        equal scene, frames and package is read instead of run again, unless a page or figures are missing.
+        equal scene, settings, frames and package is read instead of run again, unless a page or figures are
+        missing.
         Without a folder no files are kept.
     client : distributed.Client, optional
         Of a Dask cluster with folders shared by all workers; give ``out`` with ``client``. Default: processes
@@ -64,8 +66,9 @@ def cohort(
     progress : callable, optional
         Called with the rows of each finished subject.
     **options
-        ``frames``, ``fresh``, ``overwrite``, ``figures`` and ``report``, as of
-        :class:`~vtkmuscle.run.RunOptions`. Figures and pages are off by default.
+        Of :meth:`vtkmuscle.Scene.run`: ``muscles``, ``frames``, ``fresh``, ``overwrite``, ``figures``,
+        ``report``, and settings such as ``quality``, ``deformer`` or ``n_fibres``. Figures and pages are off
+        by default.
 
     Returns
     -------
@@ -79,6 +82,8 @@ def cohort(
     ------
     ValueError
         If there are no scenes, two subjects share a name, or an option is not allowed.
+    TypeError
+        For an unknown option.
     OSError
         If the folder cannot be written to, or is in use by a concurrent process.
 
@@ -154,7 +159,8 @@ def run_labelled(
     options: Mapping[str, Any],
 ) -> Table:
     """Run labelled scenes, and write the table. The labels are the first columns of the table."""
-    run_options({**options, "workers": workers})
+    of_run = {name: value for name, value in options.items() if name not in ("muscles", *SETTINGS)}
+    run_options(of_run | {"workers": workers}, SETTINGS)
     asked = {"figures": False, "report": False, **options, "workers": 1}
     names = [folder_name(labels) for labels, _ in labelled]
     twice = [name for name in names if names.count(name) > 1]
@@ -220,24 +226,26 @@ def _rows(file: Path, out: Path | None, options: Mapping[str, Any]) -> tuple[lis
     """Return the rows of a scene's muscles, and kept warnings. A scene without a finished folder is run."""
     _warned.clear()
     try:
-        scene = Scene.load(file)
+        scene, options = Scene.load(file).chosen(**options)
         result = None if out is None or options.get("fresh") else _finished(scene, out, options)
         if result is None:
             result = scene.run(out, **options)
     except (ValueError, OSError, MemoryError) as error:
         words = "; ".join(" ".join(line.split()) for line in str(error).splitlines())
         return [_words(words or type(error).__name__, out)], [*_warned]
-    return [_row(result, name, out) for name in result.muscle_names], [*_warned]
+    return [_row(result, name, out) for name in scene.muscles], [*_warned]
 
 
 def _finished(scene: Scene, out: Path, options: Mapping[str, Any]) -> Result | None:
     """Return the result in a folder, None without a complete report of all this scene's muscles.
 
-    None also if a page or figures are asked and missing.
+    None also if a source file has changed, or a page or figures are asked and missing.
     """
     folder, numbers = ResultFolder(out), frame_numbers(options.get("frames"), len(scene.motion.times))
     report, keys = folder.report(), muscle_keys(scene, numbers)
-    if report is None or not report["complete"] or keys.keys() != folder.finished(keys).keys():
+    if report is None or not report["complete"] or report.get("sha256") != digests(scene):
+        return None
+    if keys.keys() != folder.finished(keys).keys():
         return None
     there = {"report": (out / PAGE).exists(), "figures": "figures" in report}
     return Result.load(out) if all(there[name] or not options[name] for name in there) else None

@@ -181,3 +181,14 @@ def test_mutated_meshes_are_a_result_or_one_clear_error(tmp_path, tried):
         tried.add(f"a damaged {Path(path).suffix}, read", "used" if what == "read" else "refused")
     refused = sum(what == "refused" for what, _, _ in results.values())
     assert len(paths) // 20 < refused < 19 * len(paths) // 20
+
+
+def test_a_reading_process_that_has_died_is_said_with_its_status(tmp_path, monkeypatch):
+    """The question to a dead process was a broken pipe."""
+    child = in_child._child
+    process = child._running()
+    process.kill()
+    process.wait()
+    monkeypatch.setattr(child, "_running", lambda: process)
+    with pytest.raises(ValueError, match="ended with SIGKILL"):
+        read_polydata(write(tmp_path, "vtp"))

@@ -11,8 +11,8 @@ NEW = "walk\nversion=1\nnRows=2\nnColumns=3\ninDegrees={}\n\nSome words: inDegre
 ROWS = "time\tknee\ttx\n0\t90\t0.5\n0.1\t180\t0.6\n"
 
 
-def written(tmp_path, text):
-    path = tmp_path / "walk.mot"
+def written(tmp_path, text, name="walk.mot"):
+    path = tmp_path / name
     path.write_text(text)
     return path
 
@@ -33,6 +33,14 @@ def test_all_headers_give_the_same_rows(tmp_path, header, in_degrees):
     expected = np.array([90.0, 180.0])
     np.testing.assert_allclose(values["knee"], np.radians(expected) if in_degrees else expected)
     np.testing.assert_array_equal(values["tx"], [0.5, 0.6])
+
+
+def test_a_csv_begins_with_its_labels_and_has_degrees(tmp_path):
+    """It was refused for the lack of 'endheader'."""
+    rows = "\ufefftime, knee,tx\r\n" + ROWS.partition("\n")[2].replace("\t", ",")
+    found = read_motion_file(written(tmp_path, rows, "walk.csv"))
+    assert found.times.tolist() == [0.0, 0.1]
+    np.testing.assert_allclose(found.values(TREE)["knee"], np.radians([90.0, 180.0]))
 
 
 def test_rows_are_counted_and_not_believed(tmp_path):

@@ -46,10 +46,11 @@ def test_two_bones_of_a_joint_move_together():
         surface_from(*mesh_of(solid, 3.0, 8000))
         for solid in (KNEE, thick_curve([(0, 8, -40), (0, 8, -250)], [20, 12]))
     )
-    joints, limits, _ = guessed_joints({"femur": femur, "shank": shank, "tibia": shank})
-    assert (joints["knee"]["parent"], joints["knee"]["child"]) == ("femur", "shank")
-    assert joints["tibia"] == {"parent": "shank", "child": "tibia", "type": "weld"}
-    assert list(limits) == ["knee_flexion"]
+    for thigh, leg in (("femur", "shank"), ("femur", "leg"), ("upper_leg", "lower_leg")):
+        joints, limits, _ = guessed_joints({thigh: femur, leg: shank, "leg_tibia": shank})
+        assert (joints["knee"]["parent"], joints["knee"]["child"]) == (thigh, leg)
+        assert joints["leg_tibia"] == {"parent": leg, "child": "leg_tibia", "type": "weld"}
+        assert list(limits) == ["knee_flexion"]
 
 
 def test_what_is_not_round_is_refused():

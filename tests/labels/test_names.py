@@ -19,6 +19,8 @@ from vtkmuscle.labels.reading import kind_of, name_table
         ("brachiocephalic_trunk", "brachiocephalic_trunk", None, None),
         ("liver", "liver", None, None),
         ("Tibialis Anterior L", "tibialis_anterior_left", "muscle", "left"),
+        ("RightThigh", "thigh_right", "bone", "right"),
+        ("leg_lt", "leg_left", "bone", "left"),
     ],
 )
 def test_a_name_says_what_it_is(name, plain, kind, side):

@@ -46,6 +46,18 @@ def rms(off):
     return float(np.sqrt((off**2).mean()))
 
 
+def test_a_path_that_is_far_from_the_run_is_a_warning(tmp_path):
+    """An error of 15 % of the moment arms, of a grid of eight poses, was a number among others."""
+    save_strap(tmp_path / "strap", n_fibres=10)
+    grid = {"grid": {"upper": [-30, 60, 90], "lower": [-60, 90, 50]}}
+    path = scene_with(tmp_path / "strap", tmp_path, motion=grid, deformer="none")
+    result = Scene.load(path).run()
+    with pytest.warns(UserWarning, match="moment arms of 'strap' as written are wrong by .* more poses"):
+        (muscle,) = export(path, tmp_path / "strap.xml", result=result, kind=GEOMETRY_ONLY)
+    arms = result.moment_arms()["strap"]
+    assert max(rms(muscle.errors[name]) for name in arms) > 0.1 * max(rms(arms[name].mean) for name in arms)
+
+
 def test_functions_have_the_lengths_of_the_run(ran, tmp_path):
     path, result = ran
     (muscle,) = export(path, tmp_path / "strap.osim", result=result)

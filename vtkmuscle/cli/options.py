@@ -40,6 +40,8 @@ FolderOption = Annotated[Path, out_option("PATH", "Folder to write to.")]
 FramesOption = Annotated[str | None, Option(metavar="A:B", help="Frames, from 0, without B. Default: all.")]
 LiteratureOption = Annotated[Path | None, Option(metavar="CSV", help="Published moment arms.")]
 OverwriteOption = Annotated[bool, Option("--overwrite", help="Replace files of other origin; never inputs.")]
+FiguresOption = Annotated[bool, Option("--figures/--no-figures", help="Draw figures.")]
+ReportOption = Annotated[bool, Option("--report/--no-report", help="Write report.html.")]
 QuietOption = Annotated[bool, Option("--quiet", "-q", help="Print errors and warnings only.")]
 
 
@@ -49,19 +51,11 @@ class CohortOptions:
 
     frames: FramesOption = None
     workers: Annotated[int | None, Option(metavar="N", min=1, help="Processes; default: all cores.")] = None
-    report: Annotated[bool, Option("--report/--no-report", help="Write report.html.")] = False
+    figures: FiguresOption = False
+    report: ReportOption = False
     fresh: Annotated[bool, Option("--fresh", help="Compute finished muscles again.")] = False
     overwrite: OverwriteOption = False
     quiet: QuietOption = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunArguments(CohortOptions):
-    """The options of commands that run a single scene."""
-
-    figures: Annotated[bool, Option("--figures/--no-figures", help="Draw figures.")] = True
-    report: Annotated[bool, Option("--report/--no-report", help="Write report.html.")] = True
-    only: Annotated[str | None, Option(metavar="lengths|moment_arms|surfaces", help="This alone.")] = None
     muscle: Annotated[list[str] | None, Option(metavar="NAME", help="A muscle to run; repeatable.")] = None
     deformer: Annotated[str | None, Option(metavar="paths|pbd|none", help="In place of the scene's.")] = None
     quality: Annotated[
@@ -73,6 +67,21 @@ class RunArguments(CohortOptions):
             "published is the 2021 paper's, for pbd.",
         ),
     ] = None
+
+    @property
+    def choice(self) -> dict[str, Any]:
+        """The given muscles and settings of scenes, as of ``Scene.run``."""
+        given = {"muscles": self.muscle, "deformer": self.deformer, "quality": self.quality}
+        return {name: value for name, value in given.items() if value}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunArguments(CohortOptions):
+    """The options of commands that run a single scene."""
+
+    figures: FiguresOption = True
+    report: ReportOption = True
+    only: Annotated[str | None, Option(metavar="lengths|moment_arms|surfaces", help="This alone.")] = None
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -106,11 +115,12 @@ def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, s
 
 
 #: Exit status if a muscle failed and all else was written, of input that cannot be used, of a fault of the
-#: package, and of Ctrl-C (128 + SIGINT, as in shells).
+#: package, of Ctrl-C (128 + SIGINT, as in shells), and without a reader of the output (128 + SIGPIPE).
 FAILED = 1
 BAD_INPUT = 2
 FAULT = 3
 INTERRUPTED = 130
+NO_READER = 141
 
 #: Set by Ctrl-C: a callback of a library may swallow the KeyboardInterrupt.
 _pressed = threading.Event()
@@ -144,6 +154,8 @@ def one_clear_error(out: Path | None) -> Iterator[None]:
                 check_name(out)
             yield
     except (ValueError, OSError, MemoryError) as error:
+        if isinstance(error, BrokenPipeError):  # as by "| head"; a child process that dies has its own error
+            raise typer.Exit(NO_READER) from error
         for fault in getattr(error, "faults", (error,)):
             print_error(f"error: {_words(fault)}")
         raise typer.Exit(BAD_INPUT) from error

@@ -163,8 +163,12 @@ def check(
     else:
         _say(checked)
         typer.echo(f"wrote {page}, {table}")
+    if options.fail_above is None:
+        return
+    if not checked.evaluated:
+        shared.print_error(f"error: --fail-above: no muscle of {model} could be evaluated; see the reasons")
     sizes = [1000.0 * finding.size for finding in checked.findings if "fibre" not in finding.what]
-    if options.fail_above is not None and max(sizes, default=0.0) > options.fail_above:
+    if not checked.evaluated or max(sizes, default=0.0) > options.fail_above:
         raise typer.Exit(shared.FAILED)
 
 

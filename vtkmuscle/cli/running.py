@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,11 +22,7 @@ def run_and_report(scene: vtkmuscle.Scene, out: Path, options: shared.RunArgumen
     from vtkmuscle.run.store import PAGE, ResultFolder
     from vtkmuscle.run.verdict import reasons_of
 
-    if options.muscle:
-        scene = scene.with_muscles(*options.muscle)
-    if options.deformer is not None or options.quality is not None:
-        deformer, quality = options.deformer or scene.deformer, options.quality or scene.quality
-        scene = replace(scene, deformer=deformer, quality=quality)
+    scene, _ = scene.chosen(**options.choice)
     tell = partial(shared.say, options.quiet)
     with shared.one_clear_error(out):
         left = None if options.only is not None else ResultFolder(out).unfinished()
@@ -136,8 +132,8 @@ def cohort(
             line = shared.one_line(": ".join(word for word in words if word))
             shared.print_error(line) if failed else shared.say(options.quiet, line)
 
-    names = ("workers", "frames", "report", "fresh", "overwrite")
-    settings = {name: getattr(options, name) for name in names}
+    names = ("workers", "frames", "figures", "report", "fresh", "overwrite")
+    settings = {name: getattr(options, name) for name in names} | options.choice
     table = vtkmuscle.cohort([str(scene) for scene in scenes], out, progress=show, **settings)
     shared.say(options.quiet, f"wrote {out / 'cohort.csv'}, {len(table['muscle'])} rows")
     if "failed" in table["verdict"]:

@@ -13,13 +13,14 @@ from vtkmuscle.data import package_text, toml_table
 
 #: Tables of anatomy.toml: words of names, and joints.
 ANATOMY = toml_table("vtkmuscle.data", "anatomy.toml")
-_SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
+_SIDES: dict[str, str] = ANATOMY["sides"]
 
 
 @dataclass(frozen=True)
 class JointKind:
     """A kind of joint between bones with certain words in their names. The first existing bone counts.
 
+    ``children`` and ``parents`` are words as of :func:`has_word`;
     ``form`` is ``"ball"``, ``"pin"`` or ``"weld"``; ``round_end``, ``"child"`` or ``"parent"``, has the round
     surface; ``axes`` (3,) are in LPS by coordinate, for a hanging right limb: a left limb reverses all axes
     but the first; ``most`` is the largest angle of the first coordinate [degrees].
@@ -40,7 +41,7 @@ JOINTS = tuple(JointKind(**table) for table in ANATOMY["joints"])
 
 def plain_name(name: str) -> str:
     """Return a lower-case name with underscores, the side at the end."""
-    words = re.findall(r"[a-z0-9]+", name.casefold())
+    words = re.findall(r"[a-z0-9]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).casefold())
     side = next((_SIDES[word] for word in words if word in _SIDES), None)
     rest = [word for word in words if word not in _SIDES]
     return "_".join([*rest, *([side] if side else [])]) or "unnamed"
@@ -54,6 +55,11 @@ def side_of(name: str) -> str | None:
 def stem_of(name: str) -> str:
     """Return a plain name without side."""
     return re.sub(r"_(left|right)$", "", plain_name(name))
+
+
+def has_word(name: str, words: Sequence[str]) -> bool:
+    """Return whether one of words, regular expressions, is in a name."""
+    return re.search(rf"(?:^|_)(?:{'|'.join(words)})(?:_|$)", stem_of(name)) is not None
 
 
 #: Factor between a person's ratios and published means: two standard deviations of fibre lengths are 0.25 to

@@ -15,7 +15,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from threading import Lock
@@ -180,8 +180,9 @@ class _Child:
         with self._lock:
             process, began = self._running(), time.monotonic()
             try:
-                process.stdin.write(question.encode() + b"\n")
-                process.stdin.flush()
+                with suppress(BrokenPipeError):  # the exit status of a dead process tells more
+                    process.stdin.write(question.encode() + b"\n")
+                    process.stdin.flush()
                 if line := process.stdout.readline():
                     kind, complaint, length = json.loads(line)
                     return kind, complaint, process.stdout.read(length)

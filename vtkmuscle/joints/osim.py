@@ -259,10 +259,11 @@ class MotionFile:
 
 
 def read_motion_file(path: str | PathLike[str]) -> MotionFile:
-    r"""Read a .mot or .sto file of OpenSim or SIMM.
+    r"""Read a .mot or .sto file of OpenSim or SIMM, or a .csv of time and further columns.
 
     The header may have the lines of either program; labels follow ``endheader``, rows follow the labels. A
-    warning reports a wrong count of rows. As in OpenSim, a file without a version has angles in degrees.
+    warning reports a wrong count of rows. As in OpenSim, a file without a version has angles in degrees; so
+    has a .csv, which begins with its labels.
 
     Raises
     ------
@@ -282,7 +283,7 @@ def read_motion_file(path: str | PathLike[str]) -> MotionFile:
     """
     path = Path(path)
     lines = decoded(path).splitlines()
-    header, start = _header(lines, path)
+    header, start = ({}, 0) if path.suffix.lower() == ".csv" else _header(lines, path)
     labels = _labels(lines, start, path)
     shown = list(map(quoted, labels))
     rows: list[list[float]] = []
@@ -317,11 +318,11 @@ def _header(lines: list[str], path: Path) -> tuple[dict[str, str], int]:
             return header, number + 1
         key, _, value = plain.partition("=" if "=" in plain else " ")
         header[key.strip().lower()] = value.strip()
-    raise InputError(path, "there is no line 'endheader'", "export it again as a .mot or .sto file")
+    raise InputError(path, "there is no line 'endheader'", "export it again, as .mot, .sto or .csv")
 
 
 def _labels(lines: list[str], start: int, path: Path) -> list[str]:
-    line = lines[start].strip() if start < len(lines) else ""
+    line = lines[start].strip().replace(",", "\t") if start < len(lines) else ""
     labels = [label.strip() for label in (line.split("\t") if "\t" in line else line.split())]
     where = f"line {start + 1}"
     if len(labels) < 2 or labels[0].lower() != "time":

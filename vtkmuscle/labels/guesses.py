@@ -13,7 +13,7 @@ from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.types import Bools, Floats
-from vtkmuscle.data.anatomy import JOINTS, JointKind, side_of, stem_of
+from vtkmuscle.data.anatomy import JOINTS, JointKind, has_word, side_of, stem_of
 from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.scene.sense import CHECKS
 
@@ -198,11 +198,11 @@ def guessed_joints(
 
 def _parent(kind: JointKind, child: str, bones: Mapping[str, vtkPolyData]) -> str | None:
     """Return a bone's parent for a kind of joint, or None."""
-    if not set(kind.children) & set(stem_of(child).split("_")):
+    if not has_word(child, kind.children):
         return None
     sides = {"left", "right", None} if side_of(child) is None else {side_of(child), None}
     near = [bone for bone in bones if bone != child and side_of(bone) in sides]
-    return next((bone for word in kind.parents for bone in near if word in stem_of(bone).split("_")), None)
+    return next((bone for word in kind.parents for bone in near if has_word(bone, [word])), None)
 
 
 def _fit(kind: JointKind, child: vtkPolyData, parent: vtkPolyData, depth: float) -> JointFit:

@@ -20,7 +20,7 @@ from vtkmuscle.core.errors import MOST_TEXT, InputError, MissingFileError, check
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import quoted, suggestion
 from vtkmuscle.data import package_text
-from vtkmuscle.data.anatomy import ANATOMY, plain_name
+from vtkmuscle.data.anatomy import ANATOMY, has_word, plain_name
 from vtkmuscle.data.label_images import MOST, label_image
 from vtkmuscle.io.csv_table import csv_rows
 from vtkmuscle.io.landmarks import FRAMES
@@ -182,19 +182,16 @@ def _dicom(file: Path) -> Layer:
     return np.ascontiguousarray(volume.array), transform, names
 
 
-_WORDS = (ANATOMY["bone_words"], ANATOMY["other_words"])
-_BONES, _NEITHER = (re.compile(rf"(?:^|_)(?:{'|'.join(words)})(?:_|$)") for words in _WORDS)
 _MUSCLES = re.compile(rf"(?:^|_)(?:{'|'.join(ANATOMY['muscle_starts'])})")
 
 
 def kind_of(name: str) -> str | None:
     """Return ``"bone"``, ``"muscle"``, or None for other names."""
-    plain = plain_name(name)
-    if _NEITHER.search(plain):
+    if has_word(name, ANATOMY["other_words"]):
         return None
-    if _MUSCLES.search(plain):
+    if _MUSCLES.search(plain_name(name)):
         return "muscle"
-    return "bone" if _BONES.search(plain) else None
+    return "bone" if has_word(name, ANATOMY["bone_words"]) else None
 
 
 @cache

@@ -82,11 +82,15 @@ class ModelCheck:
     not_swept: tuple[str, ...] = ()
     still: tuple[str, ...] = ()
 
+    @property
+    def evaluated(self) -> set[str]:
+        """Names of the evaluated muscles and ligaments."""
+        return {*self.model.paths} - {*self.not_checked, *self.still}
+
     def __repr__(self) -> str:
         """Return the number of paths evaluated here and by OpenSim, and the parts left out."""
-        left_out = {*self.not_checked, *self.still}
         counts = [
-            f"{len(paths.keys() - left_out)} of {len(paths)} {kind}"
+            f"{len(paths.keys() & self.evaluated)} of {len(paths)} {kind}"
             for kind, paths in (("muscles", self.model.muscles), ("ligaments", self.model.ligaments))
             if paths or kind == "muscles"
         ]

@@ -43,6 +43,9 @@ from vtkmuscle.scenes import Scene
 #: Root mean square error of a point path in lengths and moment arms [m] above which a cylinder is added,
 #: below the accuracy of meshes and landmarks.
 TOLERANCE = 0.5e-3
+#: Error of a path's moment arms in the poses of the run above which an export warns, as a part of the largest
+#: arms of a coordinate (root mean squares). Fits to enough poses have 0.02 to 0.07.
+LARGEST_ERROR = 0.1
 _FORMS = ("functions", "points")
 #: Class of a path without muscle properties in OpenSim.
 GEOMETRY_ONLY = "PathActuator"
@@ -95,8 +98,9 @@ def export(
 ) -> list[ExportedMuscle]:
     """Write the muscles of a scene with joints to OpenSim or MuJoCo, and return them with errors.
 
-    Muscles that failed in the run are left out, with a warning. Where the motion does not move a coordinate
-    that a muscle crosses, paths are computed in further poses. Next to the model are ``NAME_errors.csv`` and,
+    Muscles that failed in the run are left out, with a warning. A warning names muscles whose moment arms as
+    written are wrong by a tenth. Where the motion does not move a coordinate that a muscle crosses, paths are
+    computed in further poses. Next to the model are ``NAME_errors.csv`` and,
     for a new model, meshes of bones and muscles in ``Geometry``. In MuJoCo muscles are tendons with
     actuators.
 
@@ -337,6 +341,12 @@ def _exported(
         errors = {"length": 1000.0 * (path.lengths(tree, values) - mean)}
         errors |= {q: (moment_arm(path, tree, values, q) - arm) * units[q] for q, arm in mean_arms.items()}
         own = label if number_of.max() == 0 else f"{label}_{group + 1}"
+        off, worst = max((rms(errors[q]), q) for q in mean_arms)
+        if off > LARGEST_ERROR * (largest := max(rms(arm) * units[q] for q, arm in mean_arms.items())):
+            of = f"{off:.2g} mm about {worst}, with arms up to {largest:.2g} mm (root mean squares)"
+            problem = f"the moment arms of {own!r} as written are wrong by {of} in the poses of the run"
+            remedy = "give the motion more poses or less range, or try another form or more groups"
+            warnings.warn(f"{problem}; {remedy}", stacklevel=3)
         out = MuscleOut(own, path, properties, options.kind)
         spread = rms(changes - changes.mean(axis=0))
         yield ExportedMuscle(name, out, tuple(np.flatnonzero(members).tolist()), spread, errors)

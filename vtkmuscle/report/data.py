@@ -279,12 +279,13 @@ def _lengths(lengths: Floats, pack: Pack, error: Floats | float = np.nan) -> dic
 
 
 def _arms(arms: JointArms, published: Sequence[LiteratureCurve]) -> dict[str, Any]:
-    # A sweep up and down repeats values: curves are drawn by ascending value. Gaps have the value before.
-    values, mean, error = map(arms.drawn, (arms.values, arms.mean, arms.errors["total"]))
-    unit, gaps = ANGLES.get(arms.unit), np.flatnonzero(np.isnan(values))
-    values[gaps] = values[gaps - 1]
+    # A sweep up and down repeats values: curves are drawn by ascending value. Gaps have the pose before.
+    mean, error, poses = map(arms.drawn, (arms.mean, arms.errors["total"], np.c_[arms.values, arms.frames]))
+    unit, gaps = ANGLES.get(arms.unit), np.flatnonzero(np.isnan(mean))
+    poses[gaps] = poses[gaps - 1]
     return {
-        "values": rounded(values),
+        "values": rounded(poses[:, 0]),
+        "frames": rounded(poses[:, 1]),
         "mean": rounded(mean),
         "low": rounded(arms.drawn(arms.arms.min(axis=1))),
         "high": rounded(arms.drawn(arms.arms.max(axis=1))),

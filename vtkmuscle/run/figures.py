@@ -21,6 +21,7 @@ from vtkmuscle.data.arrays import blocks_of, points_of, with_points
 from vtkmuscle.io.literature import label_of
 from vtkmuscle.plotting.drawing import FigureOrder, can_render
 from vtkmuscle.plotting.views import DrawnBones, MuscleFrame, fibre_surface
+from vtkmuscle.run.result_data import UNNAMED
 from vtkmuscle.scene.data import SceneData
 
 if TYPE_CHECKING:
@@ -149,7 +150,7 @@ def _axis_values(result: Result, name: str) -> dict[str, Floats]:
     """Return the times by label. Up to three coordinates of a muscle, if the time is no coordinate."""
     crossed, every = result.crosses.get(name), result.motion.coordinates
     names = [key for key in every if np.ptp(every[key].values) > 0.0 and (crossed is None or key in crossed)]
-    if result.time_label != "time" or not 1 <= len(names) <= 3:
+    if result.time_label not in UNNAMED or not 1 <= len(names) <= 3:
         return {result.time_label: result.motion.times}
     return {label_of(key, every[key].unit): every[key].values for key in names}
 

@@ -366,9 +366,12 @@ def _listed(values: Sequence[float]) -> str:
     return f"there are {', '.join(words if len(words) <= 6 else [*words[:3], '...', *words[-2:]])}"
 
 
+#: Labels of times that are no coordinate: numbers of poses, as on a grid, and any time.
+UNNAMED = ("pose", "time")
+
+
 def time_label(motion: RigidMotion) -> str:
-    """Return the label of a motion's times. A coordinate with its unit where they are one, else "time"."""
-    axes = motion.coordinates.items()
-    return next(
-        (label_of(q, own.unit) for q, own in axes if np.array_equal(own.values, motion.times)), "time"
-    )
+    """Return the label of a motion's times: a coordinate with its unit, or one of :data:`UNNAMED`."""
+    axes, numbers = motion.coordinates.items(), np.arange(len(motion.times))
+    equal = (label_of(q, own.unit) for q, own in axes if np.array_equal(own.values, motion.times))
+    return next(equal, UNNAMED[0] if np.array_equal(motion.times, numbers) else UNNAMED[1])

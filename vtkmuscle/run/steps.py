@@ -18,7 +18,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError, check_name, fault_of
 from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.io.surfaces import Series
-from vtkmuscle.io.writing import Outputs, file_digest
+from vtkmuscle.io.writing import Outputs
 from vtkmuscle.plotting.views import DrawnBones
 from vtkmuscle.run.figures import Drawing, figures_of_muscle, rest_pose_of
 from vtkmuscle.run.frames import FrameChoice, MuscleTrack, Progress, RunOptions, frame_numbers
@@ -27,7 +27,7 @@ from vtkmuscle.run.pool import ENDED, Pool, pool_size, track_in
 from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.store import FORMAT, PAGE
-from vtkmuscle.run.store.writing import DIGITS, ResultWriter, claimed, remove_results, scene_file
+from vtkmuscle.run.store.writing import DIGITS, ResultWriter, claimed, digests, remove_results, scene_file
 from vtkmuscle.run.table import MomentArmTable, Table, error_sizes
 from vtkmuscle.run.verdict import Judged, further_reasons, missing_checks, with_reasons
 from vtkmuscle.scene.data import SceneData, SceneError
@@ -288,7 +288,7 @@ def _first_report(run: SceneRun, tracks: Tracks) -> dict[str, Any]:
         "complete": False,
         "versions": versions(),
         "files": {key or "scene": str(path) for key, path in scene.files.items()},
-        "sha256": {key or "scene": file_digest(path) for key, path in scene.files.items() if path.is_file()},
+        "sha256": digests(scene),
         "frames": list(run.numbers),
         "times": [float(scene.motion.times[number]) for number in run.numbers],
         "definitions": dict(DEFINITIONS),

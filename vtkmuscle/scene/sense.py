@@ -19,7 +19,7 @@ from vtkmuscle.core.motion.coordinates import ANGLES, MILLIMETRES
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data import toml_table
-from vtkmuscle.data.anatomy import JOINTS, stem_of
+from vtkmuscle.data.anatomy import JOINTS, has_word
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
 from vtkmuscle.scene.data import Anatomy, Finding, Muscle, RestSurface, SceneData, SceneError
 
@@ -229,8 +229,7 @@ def _direction(
     words = set(re.findall("[a-z]+", f"{name} {positive}".casefold().replace("_", " ")))
     for kind in JOINTS:
         axis = next((np.array(kind.axes[one]) for one in kind.axes if "flexion" in one), None)
-        stems = {bone: set(stem_of(bone).split("_")) for bone in scene.bones}
-        ends = [[bone for bone in stems if stems[bone] & set(of)] for of in (kind.children, kind.parents)]
+        ends = [[bone for bone in scene.bones if has_word(bone, of)] for of in (kind.children, kind.parents)]
         if axis is None or "flexion" not in words or not all(ends):
             continue
         (child, *_), (parent, *_) = ends

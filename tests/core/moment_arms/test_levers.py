@@ -185,7 +185,9 @@ def test_coordinates_that_change_together_have_levers_only_where_the_joint_is_kn
     motion = of_ball(q, 0.5 * q)
     lengths, levers, ends = straight(motion)
     arms, _ = joint_arms(lengths, levers, motion)
-    assert all(len(each.drawn(each.values)) == len(q) for each in arms.values())
+    closed = of_ball(np.append(q, q[0]), np.append(0.5 * q, 0.0))  # a walk ends as it begins
+    for each in (*arms.values(), *joint_arms(*straight(closed)[:2], closed)[0].values()):
+        np.testing.assert_array_equal(each.drawn(each.values), each.values)
     for name, right in known_of_ball(motion, ends).items():
         np.testing.assert_allclose(arms[name].arms, right, atol=1e-5)
         assert np.isnan(arms[name].slopes).all()

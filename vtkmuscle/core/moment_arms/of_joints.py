@@ -89,11 +89,12 @@ def joint_arms(
         of_mean = np.broadcast_to(np.asarray(ratios, dtype=np.float64), len(curves))[frames]
         by_frame = frames, q.values[frames], of_mean, millimetres * lever[frames], slopes
         others = [motion.coordinates[other].values[frames] for other in candidates if other != name]
-        poses, stretch = np.unique(
-            np.round([q.values[frames] * 0.0, *others], 9), axis=1, return_inverse=True
-        )
-        stretch = stretch.ravel() * (poses.shape[1] < len(frames))  # else all change in each frame
-        arms[name] = JointArms(name, q.unit, q.positive, *by_frame, quartic, residuals, stretch)
+        fixed = np.round([q.values[frames] * 0.0, *others], 9)
+        _, stretch, sizes = np.unique(fixed, axis=1, return_inverse=True, return_counts=True)
+        # Most frames of a grid share a stretch; few frames of a walk do, such as the first and the last.
+        on_grid = 2 * np.count_nonzero(sizes[stretch.ravel()] > 1) > len(frames)
+        of_stretch = stretch.ravel() if on_grid else None
+        arms[name] = JointArms(name, q.unit, q.positive, *by_frame, quartic, residuals, of_stretch)
     if not arms and refused:
         problem = "the coordinates change only together, so there are no moment arms"
         remedy = "change the coordinates in turn or on a grid, or add joints to the scene"
@@ -164,7 +165,8 @@ class JointArms:
     quartic_residuals : (k,) array or None
         Root mean square residuals of the polynomials.
     stretch : (m,) int array or None
-        Number of the stretch of each frame: frames of a stretch differ in this coordinate alone.
+        Number of the stretch of each frame: frames of a stretch differ in this coordinate alone. None if most
+        frames are alone, as in a walk.
     """
 
     coordinate: str
@@ -186,10 +188,14 @@ class JointArms:
         return f"JointArms by {self.coordinate}, {low} to {high} {self.unit}: {spread}"
 
     def drawn(self, rows: Floats) -> Floats:
-        """Return rows of the frames (m, ...) as a curve: by stretch and value, with NaN between stretches."""
-        stretch = np.zeros(len(self.values)) if self.stretch is None else self.stretch
-        order = np.lexsort((self.values, stretch))
-        return np.insert(rows[order], np.flatnonzero(np.diff(stretch[order])) + 1, np.nan, axis=0)
+        """Return rows of the frames (m, ...) as a curve: by stretch and value, with NaN between stretches.
+
+        Without stretches the rows stay in order.
+        """
+        if self.stretch is None:
+            return rows
+        order = np.lexsort((self.values, self.stretch))
+        return np.insert(rows[order], np.flatnonzero(np.diff(self.stretch[order])) + 1, np.nan, axis=0)
 
     @property
     def mean(self) -> Floats:

@@ -72,9 +72,10 @@ function moveCursor(chart, at) {
 function marksOf({ x, y, meta, mode, colour, width, dash, opacity = 1 }, X, Y) {
   if (meta) {
     const corner = (side) => (i) => `${X(meta.x[i]).toFixed(1)} ${Y(side[i]).toFixed(1)}`;
-    const pieces = [[]];
-    meta.low.forEach((value, i) => (value === null ? pieces.push([]) : pieces.at(-1).push(i)));
-    const rings = pieces.map((at) => [...at.map(corner(meta.low)), ...at.map(corner(meta.high)).reverse()]);
+    // A ring per step, all the same way round: where a walk turns back, rings of both ways would cancel.
+    const steps = [...meta.low.keys()].slice(1).filter((i) => meta.low[i] !== null && meta.low[i - 1] !== null);
+    const pairs = steps.map((i) => (meta.x[i - 1] <= meta.x[i] ? [i - 1, i] : [i, i - 1]));
+    const rings = pairs.map(([a, b]) => [...[a, b].map(corner(meta.low)), ...[b, a].map(corner(meta.high))]);
     return [svgOf("path", { d: rings.map((ring) => `M${ring.join("L")}Z`).join(""), fill: colour, "fill-opacity": opacity })];
   }
   if (mode === "markers") return x.map((at, i) => svgOf("circle", { cx: X(at), cy: Y(y[i]), r: 4, fill: colour }));

@@ -15,7 +15,7 @@ async function begin() {
   function go(place) {
     slider.value = place;
     const position = shown[place];
-    const words = `${data.curves.timeName} ${plain(data.curves.times[position])}${data.curves.timeUnit}`;
+    const words = poseIn(data.curves, position);
     readout.textContent = `${words}, frame ${data.frames[position]}`;
     slider.setAttribute("aria-valuetext", words);
     viewer?.set({ frame: place });
@@ -130,6 +130,12 @@ function scaleBar(camera, width, height, mm) {
   return { width: (nice / mm) * perUnit, words: `${plain(nice)} mm` };
 }
 
+/* The time of a frame, and the coordinates that are not the time. */
+function poseIn({ timeName, timeUnit, times, coordinates }, position) {
+  const own = coordinates.filter((one) => one.label !== timeName).map((one) => `, ${one.label} ${plain(one.values[position])} ${one.unit}`);
+  return `${timeName} ${plain(times[position])}${timeUnit}${own.join("")}`;
+}
+
 /* The scene with its scale bar, its time or angle, and the scale of its colours. */
 function labelled(viewer, data, canvas, times) {
   const picture = viewer.picture(times);
@@ -142,7 +148,7 @@ function labelled(viewer, data, canvas, times) {
   pen.fillRect(20, height - 20, bar.width, 3);
   pen.fillText(bar.words, 20, height - 27);
   const position = data.scene.shown[viewer.state.frame];
-  pen.fillText(`${data.curves.timeName} ${plain(data.curves.times[position])}${data.curves.timeUnit}`, 20, 30);
+  pen.fillText(poseIn(data.curves, position), 20, 30);
   const by = document.getElementById("colour-by");
   const range = viewer.ranges[by.value];
   if (range) {
@@ -167,7 +173,7 @@ function tellArms(curves, position) {
     const [muscle, coordinate] = JSON.parse(place.dataset.arm);
     const found = curves.muscles.find((one) => one.name === muscle).arms[coordinate];
     const axis = curves.coordinates.find((one) => one.name === coordinate);
-    const k = nearest(found.values, axis.values[position]);
+    const k = nearest(found.frames, position);
     const mean = found.mean[k].toFixed(1).replace("-", "\u2212");
     const unit = axis.of === "1" ? "" : " mm";
     const error = (found.held[1][k] - found.held[0][k]) / 2;

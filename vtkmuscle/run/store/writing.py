@@ -102,6 +102,12 @@ def scene_file(scene: SceneData) -> str | None:
     return str(scene.files[""].resolve()) if "" in scene.files else None
 
 
+def digests(scene: SceneData) -> dict[str, str]:
+    """Return the digests of a scene's source files by key."""
+    files = scene.files.items()
+    return {key or "scene": writing.file_digest(path) for key, path in files if path.is_file()}
+
+
 def _series(muscles: Iterable[str]) -> list[str]:
     """Return the names of the surfaces and fibres of muscles."""
     return [part for name in muscles for part in (name, f"{name}_fibres")]
