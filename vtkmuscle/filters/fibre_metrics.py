@@ -6,13 +6,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.measures import (
-    angles_to,
-    centroid_path,
-    have_area,
-    line_of_action,
-    physiological_cross_section,
-)
+from vtkmuscle.core.fibres import measures
 from vtkmuscle.core.mesh.normals import faces_that_meet, smooth_normals, triangle_normals
 from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
@@ -133,8 +127,8 @@ class FibreMetrics(Filter):
         self._bent = tree_of_deformed(self._bent, points, triangles)
         ends = np.vstack([lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1]])
         faces, feet, _ = self._bent.nearest(ends)
-        if not have_area(points, triangles[faces]).all():
-            triangles = triangles[have_area(points, triangles)]
+        if not measures.have_area(points, triangles[faces]).all():
+            triangles = triangles[measures.have_area(points, triangles)]
             if not len(triangles):
                 raise InputError("muscle", "all triangles are degenerate, so the surface has no normals")
             faces, feet, _ = triangle_tree(points, triangles).nearest(ends)
@@ -156,11 +150,11 @@ class FibreMetrics(Filter):
         muscle.closed("but architecture needs a closed surface")
         if not lengths.max() > 0.0:
             raise InputError("", "architecture needs fibres with a length, but all lengths are 0")
-        direction = line_of_action(lines.points, lines.offsets)
-        angles = angles_to(lines.points, lines.offsets, direction)
+        direction = measures.line_of_action(lines.points, lines.offsets)
+        angles = measures.angles_to(lines.points, lines.offsets, direction)
         volume = abs(signed_volume(muscle.points, muscle.triangles))
-        area, along = physiological_cross_section(volume, lengths, angles)
-        path = centroid_path(lines.points, lines.offsets, PATH_POINTS)
+        area, along = measures.physiological_cross_section(volume, lengths, angles)
+        path = measures.centroid_path(lines.points, lines.offsets, PATH_POINTS)
         fields = {"MuscleVolume": volume, "LineOfAction": direction, "CentroidPath": path}
         fields |= {"PCSA": area, "PCSALine": along}
         add_arrays(result, cells={"LineAngle": angles}, fields=fields)

@@ -6,12 +6,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.between_areas import (
-    bend_inside,
-    departures,
-    filled_share,
-    straight_fibres,
-)
+from vtkmuscle.core.fibres.between_areas import bend_inside, departures, filled_share, straight_fibres
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
 from vtkmuscle.data.attachments import ROLES, Aponeurosis, Areas, aponeuroses_of, areas_of_role

@@ -7,19 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    GetPydanticSchema,
-    PlainValidator,
-    PositiveFloat,
-    WrapValidator,
-    create_model,
-    model_validator,
-)
+import pydantic
+from pydantic import AfterValidator, BeforeValidator, Field, PositiveFloat, WrapValidator
 from pydantic_core.core_schema import literal_schema
 
 from vtkmuscle.core.errors import InputError
@@ -45,10 +34,10 @@ ALONE = ""
 _KEYS = toml_table("vtkmuscle.scene", "keys.toml")
 
 
-class SchemaTable(BaseModel):
+class SchemaTable(pydantic.BaseModel):
     """A table of a scene file, with strict types. Meanings of keys are in keys.toml."""
 
-    model_config = ConfigDict(extra="forbid", defer_build=True, strict=True, allow_inf_nan=False)
+    model_config = pydantic.ConfigDict(extra="forbid", defer_build=True, strict=True, allow_inf_nan=False)
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
@@ -77,10 +66,10 @@ def _checked(declaration: Parameter[Any], value: Any) -> Any:
 
 def _settings(name: str, declarations: Mapping[str, Parameter[Any]]) -> type[Settings]:
     fields: dict[str, Any] = {
-        word: (Annotated[Any, PlainValidator(partial(_checked, declaration))], None)
+        word: (Annotated[Any, pydantic.PlainValidator(partial(_checked, declaration))], None)
         for word, declaration in declarations.items()
     }
-    return create_model(name, __base__=Settings, **fields)
+    return pydantic.create_model(name, __base__=Settings, **fields)
 
 
 if TYPE_CHECKING:
@@ -116,9 +105,9 @@ def _direction(axis: list[float]) -> list[float]:
     return axis
 
 
-def one_of(words: Iterable[str]) -> GetPydanticSchema:
+def one_of(words: Iterable[str]) -> pydantic.GetPydanticSchema:
     """Return the schema of a text limited to some words."""
-    return GetPydanticSchema(lambda *_: literal_schema(list(words)))
+    return pydantic.GetPydanticSchema(lambda *_: literal_schema(list(words)))
 
 
 Text = Annotated[str, Field(min_length=1)]
@@ -217,7 +206,7 @@ class Hill(SchemaTable):
     pcsa: PositiveFloat | None = None
     specific_tension: PositiveFloat | None = None
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _check(self) -> Hill:
         parts = [name for name in ("pcsa", "specific_tension") if getattr(self, name) is not None]
         if len(parts) == 1:

@@ -12,13 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.mesh.surface import sorted_into_bins
-from vtkmuscle.core.morphing.correspondence import (
-    LoopStack,
-    SectionMap,
-    boundary_centroids,
-    followed_starts,
-    section_map,
-)
+from vtkmuscle.core.morphing import correspondence
+from vtkmuscle.core.morphing.correspondence import LoopStack, SectionMap, section_map
 from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
 from vtkmuscle.core.types import ROUNDING, SAME, Floats, Ints
 
@@ -100,7 +95,7 @@ def slice_maps(
     Guiding loops and continuity as of :func:`followed_starts`; views of :func:`mapped_points`.
     """
     loops = stack.loops
-    starts = followed_starts(stack, guides, continuity, np.zeros(2 if views is None else 3))
+    starts = correspondence.followed_starts(stack, guides, continuity, np.zeros(2 if views is None else 3))
     if views is not None:
         loops = [loop @ view.T for loop, view in zip(loops, views, strict=True)]
         starts = np.einsum("lij,lj->li", views, starts)
@@ -215,7 +210,7 @@ class _PlaneCourse:
     def shares(self) -> tuple[float, float]:
         """Return the main branch's volume share, and its steep share."""
         branch = self.branch(self.bottom + (self.top - self.bottom) * (np.arange(N_PLANES) + 0.5) / N_PLANES)
-        steps = np.diff(boundary_centroids(branch.stack(branch.heights, 3)[0].loops), axis=0)
+        steps = np.diff(correspondence.boundary_centroids(branch.stack(branch.heights, 3)[0].loops), axis=0)
         if not len(steps):
             return branch.share, 0.0
         lengths = np.linalg.norm(steps, axis=1)

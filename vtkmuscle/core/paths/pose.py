@@ -11,16 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.paths import equilibrium
 from vtkmuscle.core.paths.bone_contact import PUSH, BoneContacts, Load, add_contacts
-from vtkmuscle.core.paths.equilibrium import (
-    STEP_LEFT,
-    add_lacking,
-    add_neighbours,
-    add_springs,
-    multiply,
-    newton_step,
-    prepare_solve,
-)
 from vtkmuscle.core.paths.guides import Guides
 from vtkmuscle.core.paths.levers import change_gradient, path_levers
 from vtkmuscle.core.paths.neighbours import Neighbours, path_widths, widening
@@ -148,10 +140,10 @@ class SheetPose:
     def look_at(self, x: Floats) -> None:
         """Compute the energy's gradient and stiffness. Positions x (f, n, 3) are about the middle."""
         self.x, gradient, blocks, near = x, self.gradient, self._blocks, self._near
-        add_springs(x, self._held, self._pull, gradient, blocks)
+        equilibrium.add_springs(x, self._held, self._pull, gradient, blocks)
         sheet, flat = self._sheet, (gradient.reshape(-1, 3), blocks.reshape(-1, 6))
         widths = path_widths(x, sheet.lengths)
-        add_neighbours(x.reshape(-1, 3), *flat, sheet.neighbours, widths, self._matrix[2])
+        equilibrium.add_neighbours(x.reshape(-1, 3), *flat, sheet.neighbours, widths, self._matrix[2])
         contacts, shape = sheet.contacts, self._pressure.shape
         contacts.update(x, near)
         gaps, normals = near.gaps.reshape(shape), near.normals.reshape(*shape, 3)
@@ -186,7 +178,7 @@ class SheetPose:
             before = [now, *before][:SECANTS]
             part = longest / max(farthest_of(self.way), longest)
             if number >= PLAIN_STEPS:
-                multiply(*self._matrix, self.way, product)
+                equilibrium.multiply(*self._matrix, self.way, product)
             for _ in range(_SHORTENED):
                 self.look_at(x + part * self.way)
                 after = float(np.vdot(self.gradient, self.way))
@@ -196,7 +188,7 @@ class SheetPose:
             x = self.x
             if number >= PLAIN_STEPS:
                 lacking *= KEPT_STIFFNESS
-                add_lacking(x - now[0], self.gradient - now[1] - part * product, lacking)
+                equilibrium.add_lacking(x - now[0], self.gradient - now[1] - part * product, lacking)
             if number >= _WHOLE_STEPS and farthest_of(x - start) > reach:
                 return False
             if self.hold(self.points):
@@ -214,12 +206,14 @@ class SheetPose:
     def step(self) -> float:
         """Compute Newton's step, ``way``, and return its slope."""
         self.steps += 1
-        prepare_solve(*self._matrix, self._inverses)
+        equilibrium.prepare_solve(*self._matrix, self._inverses)
         return self._solve(self.gradient)
 
     def _solve(self, gradient: Floats) -> float:
         """Write to ``way`` the step of a gradient. Return the step's slope."""
-        return newton_step(gradient, *self._matrix, self._inverses, STEP_LEFT, self._work, self.way)
+        return equilibrium.newton_step(
+            gradient, *self._matrix, self._inverses, equilibrium.STEP_LEFT, self._work, self.way
+        )
 
     def contacts(self) -> Ints:
         """Return the number of pressed points per path. Bones and rings press."""
@@ -262,7 +256,7 @@ class SheetPose:
         for load in loads.values():
             held += load.stiffness
         widths = path_widths(x, sheet.lengths), widening(x, sheet.lengths)
-        prepare_solve(*self._matrix, self._inverses)
+        equilibrium.prepare_solve(*self._matrix, self._inverses)
 
         def change(velocity: Floats) -> Floats:
             result, memory = np.empty_like(velocity), (np.empty(len(x)), np.empty_like(velocity))
