@@ -312,7 +312,8 @@ def _coordinates(run: Result) -> Iterator[dict[str, Any]]:
         own = run.motion.coordinates[name]
         words = {"name": name, "label": label_of(name), "unit": own.unit, "positive": own.positive}
         values = rounded(np.asarray(own.values)[list(run.frames)])
-        yield words | {"of": "mm" if own.unit in ANGLES else "1", "values": values}
+        of = "mm" if own.unit in ANGLES else "1"
+        yield words | {"axis": label_of(name, own.unit), "of": of, "values": values}
 
 
 def _check(run: Result, measure: Measure, limit: tuple[float, float] | None) -> dict[str, Any]:

@@ -59,7 +59,7 @@ function makeCurves(data, block, choose) {
       return [...parts.flat(), line(values, mean, muscle, single ? "mean of the paths" : muscle.label)];
     });
     const note = coordinate.positive ? `positive: ${coordinate.positive}` : "";
-    paint(id, traces, `${coordinate.label} [${coordinate.unit}]`, `moment arm [${coordinate.of}]`, note);
+    paint(id, traces, coordinate.axis, `moment arm [${coordinate.of}]`, note);
   }
 
   function published(curve) {
