@@ -7,16 +7,9 @@ from functools import partial
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core import template as boxes
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.template import (
-    BoxFit,
-    angle_to_nearest,
-    centroid_axis,
-    fit_box,
-    principal_axis,
-    superficial_pieces,
-)
 from vtkmuscle.core.types import ROUNDING, Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
 from vtkmuscle.data.attachments import ROLES, Areas, areas_of_role
@@ -109,13 +102,15 @@ class TemplateFitter(Filter):
         landmarks = origin, insertion
         points, guide = muscle.points[np.unique(muscle.triangles)], None
         if superficial is not None:
-            seen = superficial_pieces(superficial.points, superficial.offsets, points)
+            seen = boxes.superficial_pieces(superficial.points, superficial.offsets, points)
 
             def guide(box: Floats) -> float:
-                return angle_to_nearest(seen, apply_transform(box, template.points), template.offsets)
+                return boxes.angle_to_nearest(seen, apply_transform(box, template.points), template.offsets)
 
-        def fitted() -> list[BoxFit]:
-            fit = partial(fit_box, landmarks=landmarks, areas=areas, angle_step=self.angle_step, guide=guide)
+        def fitted() -> list[boxes.BoxFit]:
+            fit = partial(
+                boxes.fit_box, landmarks=landmarks, areas=areas, angle_step=self.angle_step, guide=guide
+            )
             return [fit(points, axis) for axis in self._axes(points, *landmarks)]
 
         settings = self.axis, self.angle_step, *landmarks, *areas
@@ -132,12 +127,12 @@ class TemplateFitter(Filter):
         axes = []
         if self.axis != "principal":
             try:
-                axes.append(centroid_axis(origin, insertion))
+                axes.append(boxes.centroid_axis(origin, insertion))
             except ValueError:
                 if self.axis == "attachments":
                     raise
         if self.axis != "attachments":
-            axes.append(principal_axis(points, origin, insertion))
+            axes.append(boxes.principal_axis(points, origin, insertion))
         return axes
 
 

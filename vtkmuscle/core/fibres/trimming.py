@@ -14,14 +14,8 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
+from vtkmuscle.core.mesh import polylines
 from vtkmuscle.core.mesh.normals import angles_between
-from vtkmuscle.core.mesh.polylines import (
-    evenly_spaced,
-    inner_points,
-    points_at_arcs,
-    polyline_lengths,
-    segment_lengths,
-)
 from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.types import Bools, FloatMap, Floats, Ints
@@ -81,7 +75,7 @@ def trim_fibres(
     starts = _new_ends(backwards, offsets, -axis, areas[0], limits)
     ends = _new_ends(points, offsets, axis, areas[1], limits)
     result = _replaced_ends(points, offsets, starts, ends)
-    inner = inner_points(offsets)
+    inner = polylines.inner_points(offsets)
     result[inner] = limits[0](result[inner])
     return result
 
@@ -94,26 +88,28 @@ _Limits = tuple[FloatMap, float, float]
 
 def _replaced_ends(points: Floats, offsets: Ints, starts: _Ends, ends: _Ends) -> Floats:
     """Return fibres with new ends and evenly spaced points."""
-    counts, along = np.diff(offsets), segment_lengths(points, offsets)[1]
+    counts, along = np.diff(offsets), polylines.segment_lengths(points, offsets)[1]
     along = along - np.repeat(along[offsets[:-1]], counts)
     low, high = starts[0], along[offsets[1:] - 1] - ends[0]
     kept = (along > np.repeat(low, counts)) & (along < np.repeat(high, counts))
     bounds = np.append(0, np.cumsum(np.add.reduceat(kept.astype(np.int64), offsets[:-1]) + 4))
     outer = np.column_stack([bounds[:-1], bounds[:-1] + 1, bounds[1:] - 2, bounds[1:] - 1])
-    cut, whole = points_at_arcs(points, offsets, np.column_stack([low, high])), np.empty((bounds[-1], 3))
+    cut = polylines.points_at_arcs(points, offsets, np.column_stack([low, high]))
+    whole = np.empty((bounds[-1], 3))
     whole[outer] = np.stack([starts[1], cut[:, 0], cut[:, 1], ends[1]], axis=1)
     whole[np.setdiff1d(np.arange(len(whole)), outer)] = points[kept]
     result = np.empty_like(points)
     for count in np.unique(counts):
         of_count = counts == count
-        result[np.repeat(of_count, counts)] = evenly_spaced(whole, bounds, count)[of_count].reshape(-1, 3)
+        even = polylines.evenly_spaced(whole, bounds, count)[of_count]
+        result[np.repeat(of_count, counts)] = even.reshape(-1, 3)
     return result
 
 
 def _new_ends(points: Floats, offsets: Ints, direction: Floats, area: EndArea, limits: _Limits) -> _Ends:
     """Return cut lengths and new ends at the last points."""
     into_muscle, tolerance, largest_cut = limits
-    lengths = polyline_lengths(points, offsets)
+    lengths = polylines.polyline_lengths(points, offsets)
     ends = points[offsets[1:] - 1]
     kept = _ends_on_area(ends, area, tolerance) & (_sharpest_turns(points, offsets) <= LARGEST_TURN)
     kept &= kept.mean() > 0.5
@@ -123,7 +119,7 @@ def _new_ends(points: Floats, offsets: Ints, direction: Floats, area: EndArea, l
     # Directions over the length of a mean segment: the rest of a cut segment may be very short.
     step = lengths / np.maximum(np.diff(offsets) - 1, 1)
     arcs = np.array([lengths - tried, np.maximum(lengths - tried - step, 0.0)])
-    departures, before = (points_at_arcs(points, offsets, at.T).transpose(1, 0, 2) for at in arcs)
+    departures, before = (polylines.points_at_arcs(points, offsets, at.T).transpose(1, 0, 2) for at in arcs)
     levels, new_ends = np.zeros(len(cuts), dtype=np.int64), ends.copy()
     n_batches = -(-len(cuts) // BATCH)
     for batch in range(n_batches):
@@ -189,7 +185,7 @@ def _ends_on_area(ends: Floats, area: EndArea, tolerance: float) -> Bools:
 
 def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
     """Return each fibre's sharpest turn in its last third (k,) [degrees]."""
-    i = inner_points(offsets)
+    i = polylines.inner_points(offsets)
     ends = offsets[np.searchsorted(offsets, i, side="right")]
     counts = ends - offsets[np.searchsorted(offsets, i, side="right") - 1]
     i = i[i >= ends - 1 - counts // 3]
@@ -221,7 +217,7 @@ def beyond_plane(points: Floats, offsets: Ints, heights: Floats) -> Floats:
     `heights` (n,) are signed distances of the points, positive beyond the plane [mm]. The length is 0 for a
     line that ends on the near side, and the whole length for a line without a point there.
     """
-    lengths, index = segment_lengths(points, offsets)[0], np.arange(len(points))
+    lengths, index = polylines.segment_lengths(points, offsets)[0], np.arange(len(points))
     preceding = heights[index - 1]
     through = (heights > 0.0) & (preceding < 0.0)
     lengths[through] *= heights[through] / (heights - preceding)[through]
