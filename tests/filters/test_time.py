@@ -13,6 +13,7 @@ from vtkmuscle.core.paths.poses import KeptPoses
 from vtkmuscle.core.paths.sheet import MusclePaths
 from vtkmuscle.core.skinning import carried_muscle
 from vtkmuscle.data.arrays import add_arrays, cell_array, points_of, surface_from, triangles_of
+from vtkmuscle.filters import taut_paths
 from vtkmuscle.phantoms import spindle_over_hinge
 
 STEPS = (0.0, 10.0, 20.0, 30.0, 40.0)
@@ -118,7 +119,7 @@ def work(monkeypatch):
     done = []
 
     count = functools.partial(count_calls, monkeypatch, done)
-    count(filters.taut_paths, "MusclePaths", "paths at rest")
+    count(taut_paths, "MusclePaths", "paths at rest")
     count(carried_muscle, "RestShape", "rest shape")
     count(carried_muscle, "Skinning", "skinning")
     count(carried_muscle, "Settling", "settling")
