@@ -13,7 +13,7 @@ from vtkmuscle.core.paths.poses import KeptPoses
 from vtkmuscle.core.paths.sheet import MusclePaths
 from vtkmuscle.core.skinning import carried_muscle
 from vtkmuscle.data.arrays import add_arrays, cell_array, points_of, surface_from, triangles_of
-from vtkmuscle.filters import taut_paths
+from vtkmuscle.filters import path_deformer, taut_paths
 from vtkmuscle.phantoms import spindle_over_hinge
 
 STEPS = (0.0, 10.0, 20.0, 30.0, 40.0)
@@ -124,7 +124,7 @@ def work(monkeypatch):
     count(carried_muscle, "Skinning", "skinning")
     count(carried_muscle, "Settling", "settling")
     count(MusclePaths, "follow", "paths")
-    count(filters.path_deformer.CarriedMuscle, "pose", "surface")
+    count(path_deformer.CarriedMuscle, "pose", "surface")
     count(KeptPoses, "levers", "levers")
     return done
 
