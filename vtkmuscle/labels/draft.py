@@ -229,8 +229,13 @@ def draft_of_files(
             landmarks.append(file)
             continue
         kind = stated.get(name) or kind_of(name)
-        if kind is None or file.suffix.lower() not in SURFACE_SUFFIXES:
-            remedy = "use --bone NAME or --muscle NAME; call landmarks MUSCLE_origin or MUSCLE_insertion"
+        named = "call landmarks MUSCLE_origin or MUSCLE_insertion"
+        if file.suffix.lower() not in SURFACE_SUFFIXES:
+            problem = f"this is no surface ({', '.join(SURFACE_SUFFIXES)})"
+            remedy = f"{named}; a label map goes to from-labels, a model to [opensim] of a scene.toml"
+            raise InputError(file, problem, remedy)
+        if kind is None:
+            remedy = f"use --bone NAME or --muscle NAME; {named}"
             raise InputError(file, "the file name has no known bone, muscle, or area of a muscle", remedy)
         if name in meshes:
             raise InputError(file, f"another file has the name {name!r}", "remove or rename a file")
