@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from vtkmuscle import InputError, Scene, phantoms
+from vtkmuscle import InputError, Muscle, Scene, phantoms
 from vtkmuscle.plotting import can_render
 
 
@@ -44,6 +44,8 @@ def test_a_scene_and_a_result_are_read_by_names(scene, result):
 def test_content_of_another_kind_is_refused(scene, field, value, told):
     with pytest.raises(TypeError, match=told):
         replace(scene, **{field: value})
+    with pytest.raises(TypeError, match="Muscle takes attachment areas, but got 'estimate'; AttachmentEst"):
+        Muscle(pv.Sphere(), "estimate")  # as in a scene.toml
 
 
 def test_settings_of_a_run_are_those_of_the_scene(scene, result):

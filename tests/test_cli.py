@@ -155,6 +155,7 @@ def test_info_says_what_it_understood_of_a_motion(tmp_path):
     said = vtkmuscle_("info", tmp_path / "walk.mot").stdout
     assert "degrees" in said
     assert "knee (1 .. 60)" in said
+    assert "results: there is no such file" in vtkmuscle_("info", tmp_path / "results").stderr
 
 
 def test_ctrl_c_that_a_callback_swallows_ends_the_command_later(monkeypatch):

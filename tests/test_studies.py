@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from commands import vtkmuscle_
 from tiny_scene import write_tiny_scene
+from two_joint_scene import save_strap, scene_with
 
 import vtkmuscle
 from vtkmuscle import Scene, phantoms
@@ -250,3 +251,15 @@ def test_a_cohort_takes_muscles_and_settings_and_judges_changed_facts_anew(tmp_p
     with pytest.raises(TypeError, match="n_fibres"):
         vtkmuscle.cohort([file], n_fibers=4)
     assert "no muscle 'spindel'" in vtkmuscle.cohort([file], workers=1, muscles="spindel")["message"][0]
+
+
+@pytest.mark.parametrize("motion", [{"grid": {"upper": [0, 10, 10]}}, {"file": "walk.mot"}])
+def test_a_scene_with_joints_is_run_as_it_is(tmp_path, motion):
+    """A scene was saved first, without joints: refused for a still coordinate, or without moment arms."""
+    save_strap(tmp_path / "strap", n_fibres=4)
+    file = scene_with(tmp_path / "strap", tmp_path, motion=motion, deformer="none")
+    (file.parent / "walk.mot").write_text("w\ninDegrees=yes\nendheader\ntime upper lower\n0 0 0\n1 5 9\n")
+    scene = Scene.load(file)
+    of_file, of_scene = vtkmuscle.cohort([file], workers=1), vtkmuscle.cohort([scene], workers=1)
+    assert of_scene["moment_arm_upper_mm"].tolist() == of_file["moment_arm_upper_mm"].tolist()
+    assert len(Scene.load(scene.save(tmp_path / "saved")).motion.times) == 2

@@ -140,7 +140,9 @@ class Scene(SceneData, ByName):
     def save(self, folder: str | PathLike[str]) -> Path:
         """Write the scene to a folder, as :meth:`load` reads it, and return the scene.toml.
 
-        The folder is created if missing; files of equal names are replaced.
+        The folder is created if missing; files of equal names are replaced. The motion is written as tables
+        of transforms and coordinates, without joints: moment arms of the saved scene are by coordinates that
+        change alone.
         """
         return write_scene(self, Path(folder))
 

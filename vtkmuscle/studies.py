@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, as_completed
 from contextlib import ExitStack
+from dataclasses import replace
 from itertools import product
 from os import PathLike
 from pathlib import Path
@@ -177,8 +178,10 @@ def run_labelled(
         stack.enter_context(locked(folder))
         tasks = []
         for name, (_, scene) in zip(names, labelled, strict=True):
-            saved = scene.save(folder / name / "scene") if isinstance(scene, Scene) else Path(scene)
-            tasks.append((saved.absolute(), None if out is None else folder / name, asked))
+            if isinstance(scene, Scene):  # run as it is: a saved scene has no joints
+                path = scene.save(folder / name / "scene").absolute()
+                scene = replace(scene, files={"": path})  # noqa: PLW2901
+            tasks.append((scene, None if out is None else folder / name, asked))
         rows: dict[int, list[Row]] = {}
         for number, solved in _solved(tasks, client, workers or processors()):
             rows[number] = [dict(labelled[number][0]) | row for row in solved]
@@ -222,11 +225,12 @@ def _keep_warnings() -> None:
     warnings.showwarning = lambda text, category, *_, **__: _warned.append((str(text), category))
 
 
-def _rows(file: Path, out: Path | None, options: Mapping[str, Any]) -> tuple[list[Row], Warned]:
+def _rows(scene: Any, out: Path | None, options: Mapping[str, Any]) -> tuple[list[Row], Warned]:
     """Return the rows of a scene's muscles, and kept warnings. A scene without a finished folder is run."""
     _warned.clear()
     try:
-        scene, options = Scene.load(file).chosen(**options)
+        loaded = scene if isinstance(scene, Scene) else Scene.load(scene)
+        scene, options = loaded.chosen(**options)
         result = None if out is None or options.get("fresh") else _finished(scene, out, options)
         if result is None:
             result = scene.run(out, **options)

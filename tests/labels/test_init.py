@@ -125,6 +125,8 @@ def test_a_stated_name_without_a_mesh_and_a_folder_are_errors(files, tmp_path, o
     assert f"error: {option}: no mesh has the name 'pelvs'; did you mean 'pelvis'?" in done.stderr
     done = init(tmp_path, "--out", tmp_path / "scene")
     assert f"error: {tmp_path}: this is a folder, not a file" in done.stderr
+    model = files[0].rename(tmp_path / "model.osim")
+    assert "model.osim: this is no surface (.vtp, " in init(model, "--out", tmp_path / "scene").stderr
 
 
 def test_a_name_that_says_nothing_needs_a_word(files, tmp_path):

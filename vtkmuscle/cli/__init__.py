@@ -150,7 +150,7 @@ def info(
     for file in files:
         typer.echo(f"{file}")
         for word, value in facts_of(file).items():
-            typer.echo(f"  {word:<12}{value}")
+            typer.echo(f"  {word:<11} {value}")
     if draw is not None:
         with io.Outputs(draw.parent, inputs=files, overwrite=overwrite):
             draw_landmarks(files[0], draw)

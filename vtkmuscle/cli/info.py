@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.errors import InputError, check_is_file
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import MOST_LISTED, listed
@@ -28,6 +28,7 @@ def facts_of(file: Path) -> Mapping[str, str]:
     """Return facts about a file or folder by keyword."""
     if file.is_dir():
         return _of_run(file)
+    check_is_file(file)
     suffix = file.suffix.lower()
     if suffix in LANDMARKS:
         return _of_landmarks(file)

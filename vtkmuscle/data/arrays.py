@@ -298,7 +298,8 @@ def vtk_array(values: NDArray[Any], name: str | None = None, kind: int | None = 
 def _existing(owner: Any, kind: str, name: str, where: str) -> NDArray[Any]:
     array = owner.GetArray(name)
     if array is None:
-        raise InputError(where, f"the {kind} array {name!r} is missing")
+        remedy = "run FixedPointDetector on the muscle" if name == "FixedTo" else ""
+        raise InputError(where, f"the {kind} array {name!r} is missing", remedy)
     return _view(array)
 
 

@@ -28,6 +28,7 @@ from vtkmuscle.io.writing import write_polydata, write_text
 from vtkmuscle.labels.guesses import FACING, LEFT_OUT, Guess, guessed_joints, moving_chain, table_of
 from vtkmuscle.labels.reading import kind_of
 from vtkmuscle.scene.checks import closed_surface, repaired_surface
+from vtkmuscle.scene.data import words_of
 from vtkmuscle.scene.reading import areas_in_contact
 from vtkmuscle.scene.sense import CHECKS
 from vtkmuscle.scene.writing import inline_toml, write_areas
@@ -229,9 +230,9 @@ def draft_of_files(
             landmarks.append(file)
             continue
         kind = stated.get(name) or kind_of(name)
-        if kind is None or file.suffix.lower() not in SURFACE_SUFFIXES:
-            remedy = "use --bone NAME or --muscle NAME; call landmarks MUSCLE_origin or MUSCLE_insertion"
-            raise InputError(file, "the file name has no known bone, muscle, or area of a muscle", remedy)
+        fault = "unknown_name" if file.suffix.lower() in SURFACE_SUFFIXES else "no_surface"
+        if kind is None or fault == "no_surface":
+            raise InputError(file, *words_of(fault, suffixes=", ".join(SURFACE_SUFFIXES)))
         if name in meshes:
             raise InputError(file, f"another file has the name {name!r}", "remove or rename a file")
         if (header := stated_frame(file) or frame) != frame:

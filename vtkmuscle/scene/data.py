@@ -74,6 +74,9 @@ class Muscle:
         if isinstance(areas, vtkMultiBlockDataSet):
             areas = attached.attachments_of(areas, "attachments")
         areas = [attached.AttachmentArea(*area) if isinstance(area, tuple) else area for area in areas]
+        if not all(isinstance(area, attached.AttachmentArea) for area in areas):
+            hint = "AttachmentEstimator(muscle=surface, bones=bones).apply() estimates them"
+            raise TypeError(f"Muscle takes attachment areas, but got {quoted(self.attachments)}; {hint}")
         object.__setattr__(self, "attachments", tuple(areas))
         sheets: Any = self.aponeuroses
         if isinstance(sheets, vtkMultiBlockDataSet):

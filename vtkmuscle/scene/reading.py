@@ -95,7 +95,8 @@ def _muscle(
         fibres["template_file"] = str(files.paths[where].resolve())  # valid from any folder
     lines = files.tried(f"{key}.superficial_fibres", table.superficial_fibres, io.read_polydata)
     published = files.tried(f"{key}.literature", table.literature, partial(_literature, muscle=name))
-    coordinates = (table.crosses or ()) if motion is None else motion.coordinates
+    columns = scene.motion.coordinates or {}  # a column that does not change is no coordinate of the motion
+    coordinates = (table.crosses or ()) if motion is None else {*motion.coordinates, *columns}
     for missing in (name for name in table.crosses or () if name not in coordinates):
         problem, remedy = f"the motion has no coordinate {missing!r}", suggestion(missing, coordinates)
         faults.errors.append(SceneError(problem, f"{key}.crosses", remedy, files.paths[""]))

@@ -63,7 +63,7 @@ def tables_of(scene: SceneData) -> dict[str, Any]:
         **{key: value for key, usual in defaults.items() if (value := getattr(scene, key)) != usual},
         "bones": {name: {"surface": f"bones/{name}.vtp"} for name in scene.bones},
         "motion": _motion(scene.motion),
-        "muscles": {name: _muscle(name, muscle) for name, muscle in scene.muscles.items()},
+        "muscles": {name: _muscle(name, each, scene.motion) for name, each in scene.muscles.items()},
         "paths": None if scene.paths is None else dict(scene.paths),
         "solver": scene.solver or None,
         "fixing": scene.fixing or None,
@@ -106,7 +106,8 @@ def _area_tables(muscle: str, areas: Sequence[AttachmentArea]) -> list[dict[str,
     return tables
 
 
-def _muscle(name: str, muscle: Muscle) -> dict[str, Any]:
+def _muscle(name: str, muscle: Muscle, motion: RigidMotion) -> dict[str, Any]:
+    crosses = muscle.crosses and [each for each in muscle.crosses if each in motion.coordinates]
     sheets: dict[str, list[str]] = {side: [] for side in SIDES} if muscle.aponeuroses else {}
     for number, sheet in enumerate(muscle.aponeuroses):
         sheets[sheet.side].append(f"aponeuroses/{name}_{sheet.side}_{number}.vtp")
@@ -119,7 +120,7 @@ def _muscle(name: str, muscle: Muscle) -> dict[str, Any]:
         "fibres": muscle.fibres,
         "solver": muscle.solver or None,
         "fixing": muscle.fixing or None,
-        "crosses": None if muscle.crosses is None else list(muscle.crosses),
+        "crosses": crosses,
         "hill": dict(muscle.hill) or None,
         "muscle": muscle.muscle or None,
     }
