@@ -1,6 +1,7 @@
 """A planted fault of each kind is found, in its frame, and a good muscle is ok."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,10 @@ from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.core.moment_arms.levers import even_stretches, largest_turns, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import add_arrays, points_of, triangles_of, with_points
+from vtkmuscle.data.attachments import Aponeurosis
 from vtkmuscle.filters import PathDeformer
+from vtkmuscle.phantoms import spindle_over_hinge
+from vtkmuscle.phantoms.one_hinge import INSERTION, ORIGIN, circle
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report_values import DEFINITIONS
@@ -31,6 +35,7 @@ GOOD = {
     "squeezed_p95_mm": 0.0,
     "sag_p95_mm": 0.5,
     "hooked_paths": 0.0,
+    "lengthening_error": 0.02,
     "unsettled": 0,
     "fibres_outside_max_mm": 0.1,
     "fibres_penetration_new_max_mm": 0.1,
@@ -61,15 +66,11 @@ AT_REST = {"crossing_share": 0.1, "hooked_share": 0.0, "turning_p95_deg": 150.0,
 
 
 def verdict(table=None, **given):
-    fibres = {"lengths": lengths(), "rest_lengths": lengths()[0], "at_rest": AT_REST, "paths": None}
+    fibres = {"lengths": lengths(), "rest_lengths": lengths()[0], "at_rest": AT_REST}
     fibres |= {name: given.pop(name) for name in [*given] if name in fibres}
-    if fibres["lengths"] is not None and fibres["paths"] is None:
-        fibres["paths"] = 0.99 * fibres["lengths"]
-    paths, of_fibres = (
-        list(fibres[name]) if fibres[name] is not None else [] for name in ("paths", "lengths")
-    )
+    of_fibres = [] if fibres["lengths"] is None else list(fibres["lengths"])
     report = {"frames": table or rows(), "fibres": fibres["at_rest"] or {}}
-    track = MuscleTrack(lengths=paths, fibre_lengths=of_fibres, report=report)
+    track = MuscleTrack(lengths=of_fibres, fibre_lengths=of_fibres, report=report)
     return judge(track, fibres["rest_lengths"], **{"motion": MOTION, "n_edges": 1000, **given})
 
 
@@ -105,6 +106,7 @@ def test_paths_that_do_not_come_to_rest_are_told_by_their_frames():
         ("squeezed", "squeezed_p95_mm", 0.5, 6.0),
         ("coarse", "sag_p95_mm", 3.0, 6.0),
         ("hooked paths", "hooked_paths", 0.1, 0.6),
+        ("fibres and paths", "lengthening_error", 0.06, 0.3),
         ("widespread penetration", "penetration_new_p95_mm", 0.2, 1.5),
         ("fibres outside", "fibres_outside_max_mm", 7.0, 16.0),
         ("fibres in bone", "fibres_penetration_new_max_mm", 7.0, 16.0),
@@ -151,7 +153,7 @@ def test_where_there_are_no_fibres_that_is_told():
     assert bare["verdict"] == "ok"
     assert bare["not_checked"] == dict.fromkeys(
         (
-            *("long fibres", "short fibres", "jumps", "widespread jumps", "fibres and paths"),
+            *("long fibres", "short fibres", "jumps", "widespread jumps"),
             *("crossed fibres", "hooked fibres", "winding fibres", "bare"),
         ),
         "the muscle has no fibres",
@@ -225,15 +227,28 @@ def test_the_limits_are_those_of_the_documentation(request):
     assert "verdict" in DEFINITIONS
 
 
-def test_fibres_that_lengthen_otherwise_than_their_paths_are_told():
-    paths = lengths()
-    for factor, expected in ((1.04, "ok"), (1.1, "look"), (0.9, "look"), (1.4, "failed")):
-        paths[13] = factor * lengths()[13]
-        found = verdict(paths=paths)
-        assert found["verdict"] == expected
-        assert [(one.check, one.frame) for one in reasons_of(found)] == [("fibres and paths", 13)] * (
-            expected != "ok"
-        )
+@pytest.mark.parametrize(
+    ("deformer", "sheets", "frames", "differs"),
+    [
+        ("paths", (), None, False),
+        ("paths", (0.3, 0.7), None, False),
+        ("pbd", (), None, True),
+        ("pbd", (), 20, True),
+        ("pbd", (0.3, 0.7), None, True),
+    ],
+)
+def test_fibres_that_lengthen_otherwise_than_their_paths_are_told(deformer, sheets, frames, differs):
+    """A spindle that bows aside; with sheets its fibres are between tendons, which do not lengthen."""
+    scene = replace(Scene.from_phantom(spindle_over_hinge(), n_fibres=8), deformer=deformer)
+    fan = np.column_stack([np.zeros(10, int), np.arange(1, 11), np.arange(2, 12)])
+    aponeuroses = [
+        Aponeurosis(side, INSERTION + part * (ORIGIN - INSERTION) + circle(4.0), fan)
+        for side, part in zip(("distal", "proximal"), sheets, strict=False)
+    ]
+    muscle = replace(scene.muscles["spindle"], aponeuroses=tuple(aponeuroses))
+    result = replace(scene, muscles={"spindle": muscle}).run(frames=frames, figures=False, report=False)
+    reasons = reasons_of(result.report["muscles"]["spindle"]["verdict"])
+    assert [why.frame for why in reasons if why.check == "fibres and paths"] == [20] * differs
 
 
 # ------------------------------------------------------------------------------- jumps

@@ -14,12 +14,12 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data import arrays
 from vtkmuscle.data.attachments import VIA
 from vtkmuscle.data.paths import PATH_STEPS, SAG, SQUEEZED, UNSETTLED, path_lines_of, paths_of
-from vtkmuscle.filters import Filter, PathDeformer, PBDDeformer
+from vtkmuscle.filters import Filter, PathDeformer, PBDDeformer, TautPaths
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.running import upstream
 from vtkmuscle.filters.deformer import read_shape
@@ -29,7 +29,7 @@ from vtkmuscle.run.frames import MuscleTrack, RunOptions
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report_values import architecture_of, fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.store.writing import ResultWriter
-from vtkmuscle.run.verdict import judge
+from vtkmuscle.run.verdict import judge, with_reasons
 from vtkmuscle.scene.data import Anatomy, SceneData
 
 
@@ -114,7 +114,7 @@ class MuscleRun:
             self._compute(number, pipeline, measure)
             if track.failure is not None:
                 break
-        self._judge(measure)
+        self._judge(measure, pipeline)
         if self.run.store is not None:
             with self._timed("writing"):
                 self.run.store.finish(self.name, track)
@@ -228,14 +228,39 @@ class MuscleRun:
             self.track.report["fibre_measures"].append({"frame": number, "time": now, **sizes})
         self.track.report["frames"].append(row)
 
-    def _judge(self, measure: MuscleMeasure) -> None:
+    def _judge(self, measure: MuscleMeasure, pipeline: MusclePipeline) -> None:
         """Add the verdict on the computed frames to the report."""
         track, computed, rest = self.track, self.run.numbers[: len(self.track.report["frames"])], None
         motion = self.scene.motion.part(computed) if computed else None
-        if track.rest_fibres is not None:
+        missing: dict[str, str] = {}
+        if track.rest_fibres is not None and track.fibre_lengths:
             rest = arrays.polylines_of(track.rest_fibres, "fibres").lengths * self.scene.millimetres
+            try:
+                with self._timed("checking", pipeline.few_paths):
+                    self._compare_with_paths(rest, pipeline.few_paths)
+            except ValueError as error:
+                missing["fibres and paths"] = fault_of(error, placed=True)[0]
         sizes: dict[str, Any] = {"n_edges": measure.n_edges, "size": measure.size}
-        track.report["verdict"] = judge(track, rest, motion=motion, **sizes)
+        track.report["verdict"] = with_reasons(judge(track, rest, motion=motion, **sizes), (), missing)
+
+    def _compare_with_paths(self, rest: Floats, few_paths: TautPaths) -> None:
+        """Add to the frames how much more or less than taut paths the fibres have lengthened.
+
+        Without paths in the frames, those of the longest, shortest and most bowed fibres, and the last, are
+        compared with few paths.
+        """
+        track, rows, millimetres = self.track, self.track.report["frames"], self.scene.millimetres
+        lengths, rest_paths = np.mean(track.fibre_lengths, axis=1), track.rest_lengths
+        taut = dict(enumerate(track.lengths))
+        if not taut:
+            bows = [numbers["Tortuosity"].mean() for numbers, _ in track.numbers]
+            for at in sorted({lengths.argmin(), lengths.argmax(), np.argmax(bows), len(rows) - 1}):
+                if (paths := paths_of(few_paths.update(time=rows[at]["time"]).output, "paths")) is not None:
+                    taut[int(at)], rest_paths = (millimetres * each for each in paths[:2])
+        for at, of_frame in taut.items():
+            more = lengths[at] - rest.mean() - (of_frame.mean() - rest_paths.mean())
+            if np.isfinite(more):
+                rows[at]["lengthening_error"] = float(abs(more) / of_frame.mean())
 
     def _deformers(self) -> dict[str, PathDeformer | PBDDeformer]:
         """Return the deformers of other muscles without failure."""

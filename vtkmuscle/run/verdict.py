@@ -50,6 +50,9 @@ CHECKS = {name: Check(**row) for name, row in toml_table("vtkmuscle.run", "check
 SHORTEST, LONGEST = CHECKS["short fibres"].look, CHECKS["long fibres"].look
 BEYOND = 1.5
 
+#: Checks of paths in all frames.
+OF_PATHS = "squeezed", "coarse", "hooked paths", "unsettled"
+
 OK, LOOK, FAILED = "ok", "look", "failed"
 #: Verdicts, the better one first.
 VERDICTS = (OK, LOOK, FAILED)
@@ -136,6 +139,8 @@ def _series(
     values["folded"] /= n_edges
     values["unsettled"] *= column("unsettled").sum() / max(len(rows), 1)
     missing = {"penetration": "no bone has an inside", "widespread penetration": "no bone has an inside"}
+    if not track.lengths:
+        missing |= dict.fromkeys(OF_PATHS, "there are no paths; a table [paths] adds them")
     if rest_lengths is None or not track.fibre_lengths:
         needing = (name for name, check in CHECKS.items() if check.of_fibres or check.at_rest)
         missing |= dict.fromkeys(needing, "the muscle has no fibres")
@@ -144,9 +149,6 @@ def _series(
         ratios = lengths / np.maximum(rest_lengths, 1e-12)
         values["long fibres"] = np.percentile(ratios, 95, axis=1)
         values["short fibres"] = np.percentile(ratios, 5, axis=1)
-        if track.lengths:  # the first frame may be bent at rest, as its fibres are
-            ratio = lengths.mean(axis=1) / np.array(track.lengths).mean(axis=1)
-            values["fibres and paths"] = 100.0 * np.abs(ratio / ratio[0] - 1.0)
         times = np.array([row["time"] for row in rows], dtype=np.float64)
         of_motion = () if motion is None else (even_stretches(motion), largest_turns(motion))
         jumps = length_jumps(lengths, times, *of_motion)
