@@ -43,8 +43,7 @@ def whole(tmp_path_factory):
 
 def damaged_scenes(folder, whole, kind, count):
     """Write damaged scenes of a kind, each in a folder of its own, and return their files."""
-    name = kind.split(" ")[0]
-    text = (whole / "scene.toml").read_text()
+    name, text = kind.split(" ")[0], (whole / "scene.toml").read_text()
     for old, new in KINDS[kind].items():
         assert old in text
         text = text.replace(old, new)

@@ -14,8 +14,9 @@ from vtkmodules.vtkFiltersModeling import vtkLinearSubdivisionFilter
 from vtkmuscle import Scene, phantoms
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.data.arrays import points_of, surface_from, triangles_of, with_points
+from vtkmuscle.data.arrays import points_of, polylines_of, surface_from, triangles_of, with_points
 from vtkmuscle.io.surfaces import read_surface
+from vtkmuscle.pipelines import decompose
 from vtkmuscle.scene.checks import turned_over
 
 # ------------------------------------------------------------------------------- scenes
@@ -197,6 +198,32 @@ def test_each_fault_has_its_reason(name):
 def test_the_same_scene_written_otherwise_has_the_same_reasons(name, how):
     make, verdict, checks = SCENES[name]
     assert judged(TRANSFORMATIONS[how](make())) == {"spindle": (verdict, checks)}
+
+
+def rings_from_elsewhere(scene):
+    def area(old):
+        return replace(
+            old, landmarks=np.roll(old.landmarks, 3, axis=0) if old.closed else old.landmarks[::-1]
+        )
+
+    muscles = {
+        name: replace(old, attachments=tuple(map(area, reversed(old.attachments))))
+        for name, old in scene.muscles.items()
+    }
+    return replace(scene, muscles=muscles)
+
+
+@pytest.mark.parametrize("how", ["other order of points", "rings from elsewhere"])
+@pytest.mark.parametrize("settings", [{}, {"course": "straight"}, {"method": "harmonic"}])
+def test_fibres_are_those_of_the_same_muscle_written_otherwise(settings, how):
+    scene = Scene.from_phantom(phantoms.hip(), n_fibres=20)
+    other = (TRANSFORMATIONS | {"rings from elsewhere": rings_from_elsewhere})[how](scene)
+    for name in scene.muscles:
+        made = [
+            decompose(one.muscles[name].surface, one.attachments_data(name), n_fibres=20, **settings).output
+            for one in (scene, other)
+        ]
+        assert np.allclose(*(polylines_of(fibres, "fibres").lengths for fibres in made), rtol=1e-4), name
 
 
 @pytest.mark.slow

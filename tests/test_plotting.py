@@ -86,8 +86,7 @@ def test_a_frame_encloses_all_points(azimuth, elevation, seed):
     view = framed(direction, points, margin=0.1)
     right = np.cross([0.0, 0.0, 1.0], direction)
     right /= np.linalg.norm(right)
-    up = np.cross(direction, right)
-    local = points - view.focus
+    up, local = np.cross(direction, right), points - view.focus
     assert np.abs(local @ up).max() <= view.half_height
     assert np.abs(local @ right).max() <= view.half_height * view.aspect * (1.0 + 1e-9)
 

@@ -227,17 +227,9 @@ def test_the_limits_are_those_of_the_documentation(request):
     assert "verdict" in DEFINITIONS
 
 
-@pytest.mark.parametrize(
-    ("deformer", "sheets", "frames", "differs"),
-    [
-        ("paths", (), None, False),
-        ("paths", (0.3, 0.7), None, False),
-        ("pbd", (), None, True),
-        ("pbd", (), 20, True),
-        ("pbd", (0.3, 0.7), None, True),
-    ],
-)
-def test_fibres_that_lengthen_otherwise_than_their_paths_are_told(deformer, sheets, frames, differs):
+@pytest.mark.parametrize("sheets", [(), (0.3, 0.7)])
+@pytest.mark.parametrize(("deformer", "frames"), [("paths", None), ("pbd", None), ("pbd", 20)])
+def test_fibres_that_lengthen_otherwise_than_their_paths_are_told(deformer, frames, sheets):
     """A spindle that bows aside; with sheets its fibres are between tendons, which do not lengthen."""
     scene = replace(Scene.from_phantom(spindle_over_hinge(), n_fibres=8), deformer=deformer)
     fan = np.column_stack([np.zeros(10, int), np.arange(1, 11), np.arange(2, 12)])
@@ -248,7 +240,7 @@ def test_fibres_that_lengthen_otherwise_than_their_paths_are_told(deformer, shee
     muscle = replace(scene.muscles["spindle"], aponeuroses=tuple(aponeuroses))
     result = replace(scene, muscles={"spindle": muscle}).run(frames=frames, figures=False, report=False)
     reasons = reasons_of(result.report["muscles"]["spindle"]["verdict"])
-    assert [why.frame for why in reasons if why.check == "fibres and paths"] == [20] * differs
+    assert [why.frame for why in reasons if why.check == "fibres and paths"] == [20] * (deformer == "pbd")
 
 
 # ------------------------------------------------------------------------------- jumps

@@ -85,8 +85,7 @@ def test_a_winding_muscles_field_winds():
     inside = field["InMuscle"] == 1
     x, y, z = field.cell_centers().points[inside].T
     start = np.arctan2(y, x) - np.radians(twist) * z / LENGTH
-    part = np.hypot(x, y) / np.hypot(*_on_surface(z).T)
-    steps = np.array([-1e-4, 1e-4])
+    part, steps = np.hypot(x, y) / np.hypot(*_on_surface(z).T), np.array([-1e-4, 1e-4])
     ends = np.array(
         [winding_fibre(q, a, twist, t / LENGTH + steps) for q, a, t in zip(part, start, z, strict=True)]
     )

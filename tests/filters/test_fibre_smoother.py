@@ -22,8 +22,7 @@ from vtkmuscle.pipelines import decompose
 
 
 def noisy_fibres():
-    rng = np.random.default_rng(0)
-    t = np.linspace(0, 1, 12)
+    rng, t = np.random.default_rng(0), np.linspace(0, 1, 12)
     lines = np.array([np.column_stack([100 * t, 5 * np.sin(3 * t) + i, 0 * t]) for i in range(4)])
     return lines + rng.normal(scale=0.5, size=(48, 3)).reshape(4, 12, 3)
 
@@ -44,8 +43,7 @@ def test_points_stay_in_the_muscle_where_it_is_connected():
     # From side to side just inside, with one point far out.
     arch = np.column_stack([9.9 * np.cos(t), 0 * t, 9.9 * np.sin(t)])
     arch[8] *= 1.5
-    fibres = lines_of([arch])
-    surface = solids_of(*checked_surface(ball, "test"))
+    fibres, surface = lines_of([arch]), solids_of(*checked_surface(ball, "test"))
     alone = points_of(FibreSmoother(smoothing_passes=1)(fibres))
     kept = points_of(FibreSmoother(smoothing_passes=1)(fibres, ball))
     outside = surface.depth(alone) == 0

@@ -9,8 +9,7 @@ from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 @pytest.mark.parametrize("kind", KINDS)
 def test_fibres_are_those_of_the_template(kind):
     fibres = FibreTemplateSource(template=kind, n_fibres=7, resolution=4).update().output
-    lines = polylines_of(fibres, "test")
-    t = point_array(fibres, "t", "test")
+    lines, t = polylines_of(fibres, "test"), point_array(fibres, "t", "test")
     r, s = (cell_array(fibres, name, "test") for name in ("r", "s"))
     assert np.array_equal(np.column_stack([r, s]), sobol_points(7))
     assert np.array_equal(lines.offsets, np.arange(0, 36, 5))

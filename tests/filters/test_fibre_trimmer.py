@@ -87,8 +87,7 @@ def test_the_axis_of_the_template_is_used_where_there_is_one(muscle):
     level = np.column_stack([np.full(4, -10.0), [-5, 5, 5, -5], [2, 2, 10, 10.0]])
     data = attachments_from([AttachmentArea("origin", "pelvis", level, True), areas()[1]])
     straight = np.linspace([0.0, 0, 0], [0, 0, LENGTH], 41)
-    fibre = lines_of([straight])
-    transform = np.eye(4)
+    fibre, transform = lines_of([straight]), np.eye(4)
     transform[:3, 2] = [0, 0, LENGTH]
     add_arrays(fibre, fields={"Transform": transform.reshape(-1)})
     points = points_of(FibreTrimmer()(fibre, muscle, data))

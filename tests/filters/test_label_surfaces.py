@@ -22,8 +22,7 @@ def surface_of(voxels, frame=None):
 
 def test_a_surface_is_where_the_image_is_and_faces_outward():
     """An askew, left-handed image of long voxels takes the ball with it."""
-    turn = np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, -1.0]])
-    frame = np.eye(4)
+    turn, frame = np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, -1.0]]), np.eye(4)
     frame[:3, :3] = turn * [1.0, 1.0, 2.0]
     frame[:3, 3] = (100.0, -200.0, 300.0)
     points, triangles = checked_surface(surface_of(BALL, frame), "ball")

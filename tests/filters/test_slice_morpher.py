@@ -88,8 +88,7 @@ def test_fibres_of_real_muscles_are_inside_and_do_not_zigzag(lhdl_hip, name):
 def test_the_angle_to_superficial_fibres_is_reported(method):
     block = fibre_block("parallel")
     chain = block.muscles["block"], block.attachments["block"]
-    fitted = fitted_to(*chain)
-    z = np.linspace(30.0, 90.0, 5)
+    fitted, z = fitted_to(*chain), np.linspace(30.0, 90.0, 5)
     lines = [np.column_stack([x + slope * (z - 60.0), 0.0 * z, z]) for slope, x in ((0.1, 8.0), (-0.1, 12.0))]
     seen = lines_of(lines)
     fibres = SliceMorpher(method=method)(fitted, *chain, seen)

@@ -9,14 +9,12 @@ from vtkmuscle.joints.functions import CubicSpline, PiecewiseLinear, Polynomial
 @pytest.mark.parametrize("knots", [4, 5, 9])
 def test_spline_reproduces_a_cubic(rng, knots):
     x = np.sort(rng.uniform(-2, 2, knots)) + 0.1 * np.arange(knots)
-    cubic = Polynomial(rng.normal(size=4))
-    inside = np.linspace(x[0], x[-1], 101)
+    cubic, inside = Polynomial(rng.normal(size=4)), np.linspace(x[0], x[-1], 101)
     np.testing.assert_allclose(CubicSpline(x, cubic(x))(inside), cubic(inside), rtol=0, atol=1e-10)
 
 
 def test_spline_of_three_knots_has_one_third_derivative():
-    spline = CubicSpline([0.0, 1.0, 3.0], [0.0, 1.0, 9.0])
-    values = np.linspace(0, 3, 7)
+    spline, values = CubicSpline([0.0, 1.0, 3.0], [0.0, 1.0, 9.0]), np.linspace(0, 3, 7)
     np.testing.assert_allclose(spline(values), values**2, atol=1e-12)
 
 

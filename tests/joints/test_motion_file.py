@@ -29,8 +29,7 @@ def written(tmp_path, text, name="walk.mot"):
 def test_all_headers_give_the_same_rows(tmp_path, header, in_degrees):
     found = read_motion_file(written(tmp_path, header + ROWS))
     assert found.times.tolist() == [0.0, 0.1]
-    values = found.values(TREE)
-    expected = np.array([90.0, 180.0])
+    values, expected = found.values(TREE), np.array([90.0, 180.0])
     np.testing.assert_allclose(values["knee"], np.radians(expected) if in_degrees else expected)
     np.testing.assert_array_equal(values["tx"], [0.5, 0.6])
 

@@ -46,8 +46,7 @@ def distance_of_95_percent(surface, other):
     """Return how far 95 % of a surface's area is from another surface, at most."""
     corners = surface[0][surface[1]]
     away = np.abs(solids_of(*other).distances(corners.mean(axis=1)))
-    areas = np.linalg.norm(triangle_normals(*surface), axis=1)
-    order = np.argsort(away)
+    areas, order = np.linalg.norm(triangle_normals(*surface), axis=1), np.argsort(away)
     return away[order][np.searchsorted(np.cumsum(areas[order]), 0.95 * areas.sum())]
 
 

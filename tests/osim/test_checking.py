@@ -146,8 +146,7 @@ def test_a_wrapped_ligament_beside_a_plugins_force_is_opensims(tmp_path):
 
 def test_fibres_that_leave_their_range_are_found_where_they_are_longest(tmp_path):
     """A rigid tendon: the fibre's length is the path's without the tendon, by its pennation."""
-    path = PointPath([START, END])
-    angles = np.linspace(-0.5, 1.5, 91)
+    path, angles = PointPath([START, END]), np.linspace(-0.5, 1.5, 91)
     lengths = path.lengths(TREE, {"flexion": angles})
     slack = 0.9 * lengths.min()
     optimal = (lengths.max() - slack) / 1.7

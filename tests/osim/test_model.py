@@ -17,8 +17,7 @@ def read(tmp_path, text, encoding="utf-8"):
 
 def test_custom_joint_of_version_4_is_where_its_functions_say(tmp_path):
     tree = read(tmp_path, texts.model_4()).tree
-    q = np.array([-0.7, 0.4])
-    hip = tree.joints[0]
+    q, hip = np.array([-0.7, 0.4]), tree.joints[0]
     np.testing.assert_allclose(hip.parent_frame, frame_at((0, 0.9, 0), (0.1, 0.2, 0.3)))
     expected = np.tile(np.eye(4), (2, 1, 1))
     expected[:, :3, :3] = turns(np.array([0, 0, 1.0]), q) @ turns(

@@ -83,8 +83,7 @@ def test_opensim_has_the_same_lengths_and_moment_arms(tmp_path, way):
         (tmp_path / "bare.osim").write_text(osim_of(LEG))
         path.write_text(enriched(tmp_path / "bare.osim", muscles()))
     model = opensim.Model(str(path))
-    state = model.initSystem()
-    coordinates = model.updCoordinateSet()
+    state, coordinates = model.initSystem(), model.updCoordinateSet()
     for i in range(0, 25, 4):
         for name in GRID:
             coordinates.get(name).setValue(state, float(GRID[name][i]), False)

@@ -25,8 +25,7 @@ def test_muscles_and_fibres_are_where_the_result_has_them(run_folder, packed):
     result, (scene, data) = run_folder[1], packed
     for one in scene["muscles"]:
         surface = one["surface"]
-        frames = moving_of(data, surface["points"])
-        half = surface["points"]["step"]
+        frames, half = moving_of(data, surface["points"]), surface["points"]["step"]
         for where in (surface["points"]["high"], one["fibres"]["length"]):
             assert where["at"] % 4 == 0, "a page's arrays of 32 bits begin at a multiple of four bytes"
         np.testing.assert_allclose(frames[0], points_of(result.rest_muscle(one["name"])), atol=half)
@@ -45,8 +44,7 @@ def test_muscles_and_fibres_are_where_the_result_has_them(run_folder, packed):
 def test_bones_move_as_the_result_says(run_folder, packed):
     result, (scene, data) = run_folder[1], packed
     for bone in scene["bones"]:
-        rest = moving_of(data, bone["points"])[0]
-        rows = bone["transforms"]
+        rest, rows = moving_of(data, bone["points"])[0], bone["transforms"]
         for place, position in enumerate(scene["shown"]):
             transform = np.eye(4)
             if rows is not None:

@@ -6,7 +6,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.between_areas import bend_inside, departures, filled_share, straight_fibres
+from vtkmuscle.core.fibres import between_areas
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
 from vtkmuscle.data.attachments import ROLES, Aponeurosis, Areas, aponeuroses_of, areas_of_role
@@ -124,16 +124,16 @@ class FibreSource(Filter):
             sides = ((areas_of_role(areas, role), geometry, f"attachments: {role} area") for role in ROLES)
             origin, insertion = (joined_surface(*side) for side in sides)
         self.report_progress(0.2)
-        fibres = straight_fibres(origin, insertion, self.n_fibres, self.resolution)
+        fibres = between_areas.straight_fibres(origin, insertion, self.n_fibres, self.resolution)
         volume = abs(signed_volume(geometry.points, geometry.triangles))
-        filled = filled_share(fibres, origin, insertion, volume) if volume > 0.0 else 0.0
+        filled = between_areas.filled_share(fibres, origin, insertion, volume) if volume > 0.0 else 0.0
         self.report_progress(0.6)
-        outside = departures(fibres, geometry.solids.into)
+        outside = between_areas.departures(fibres, geometry.solids.into)
         leaving = float((outside > LEAVING * geometry.mean_edge).mean())
         suits = filled > LEAST_FILLED and leaving <= MOST_LEAVING
         if suits or self.course == "straight" or aponeuroses is not None:
             bent = outside > 0.0
-            fibres[bent] = bend_inside(fibres[bent], geometry.solids.into)
+            fibres[bent] = between_areas.bend_inside(fibres[bent], geometry.solids.into)
             lines = Polylines(fibres.reshape(-1, 3), np.arange(len(fibres) + 1) * fibres.shape[1])
             result = add_arrays(
                 polylines_from(lines),

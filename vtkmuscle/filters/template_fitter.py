@@ -108,10 +108,8 @@ class TemplateFitter(Filter):
                 return boxes.angle_to_nearest(seen, apply_transform(box, template.points), template.offsets)
 
         def fitted() -> list[boxes.BoxFit]:
-            fit = partial(
-                boxes.fit_box, landmarks=landmarks, areas=areas, angle_step=self.angle_step, guide=guide
-            )
-            return [fit(points, axis) for axis in self._axes(points, *landmarks)]
+            fit = partial(boxes.fit_box, landmarks=landmarks, areas=areas, guide=guide)
+            return [fit(points, axis, angle_step=self.angle_step) for axis in self._axes(points, *landmarks)]
 
         settings = self.axis, self.angle_step, *landmarks, *areas
         fits = fitted() if guide is not None else muscle.geometry.once("boxes", settings, fitted)

@@ -220,8 +220,7 @@ def _run_of(source: Path, result: Result | None, options: RunOptions, named: set
         if not path.is_file() or file_digest(path) != result.report["sha256"]["scene"]:
             problem = f"the scene of these results, {path}, has changed or is missing"
             raise InputError(source, problem, "export the scene.toml")
-    table = validated(parsed(path), path)
-    files = SceneFiles(path)
+    table, files = validated(parsed(path), path), SceneFiles(path)
     if table.mirror is not None:
         raise SceneError("mirrored scenes are not exported", "mirror", "export the other side", path)
     scene = Scene.load(path)
@@ -344,9 +343,8 @@ def _exported(
         off, worst = max((rms(errors[q]), q) for q in mean_arms)
         if off > LARGEST_ERROR * (largest := max(rms(arm) * units[q] for q, arm in mean_arms.items())):
             of = f"{off:.2g} mm about {worst}, with arms up to {largest:.2g} mm (root mean squares)"
-            problem = f"the moment arms of {own!r} as written are wrong by {of} in the poses of the run"
-            remedy = "give the motion more poses or less range, or try another form or more groups"
-            warnings.warn(f"{problem}; {remedy}", stacklevel=3)
+            words = f"moment arms of {own!r} as written are wrong by {of} in the poses of the run; give the "
+            warnings.warn(f"{words}motion more poses, or try another form or more groups", stacklevel=3)
         out = MuscleOut(own, path, properties, options.kind)
         spread = rms(changes - changes.mean(axis=0))
         yield ExportedMuscle(name, out, tuple(np.flatnonzero(members).tolist()), spread, errors)

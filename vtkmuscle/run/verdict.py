@@ -50,9 +50,6 @@ CHECKS = {name: Check(**row) for name, row in toml_table("vtkmuscle.run", "check
 SHORTEST, LONGEST = CHECKS["short fibres"].look, CHECKS["long fibres"].look
 BEYOND = 1.5
 
-#: Checks of paths in all frames.
-OF_PATHS = "squeezed", "coarse", "hooked paths", "unsettled"
-
 OK, LOOK, FAILED = "ok", "look", "failed"
 #: Verdicts, the better one first.
 VERDICTS = (OK, LOOK, FAILED)
@@ -140,7 +137,8 @@ def _series(
     values["unsettled"] *= column("unsettled").sum() / max(len(rows), 1)
     missing = {"penetration": "no bone has an inside", "widespread penetration": "no bone has an inside"}
     if not track.lengths:
-        missing |= dict.fromkeys(OF_PATHS, "there are no paths; a table [paths] adds them")
+        of_paths = "squeezed", "coarse", "hooked paths", "unsettled"
+        missing |= dict.fromkeys(of_paths, "there are no paths; a table [paths] adds them")
     if rest_lengths is None or not track.fibre_lengths:
         needing = (name for name, check in CHECKS.items() if check.of_fibres or check.at_rest)
         missing |= dict.fromkeys(needing, "the muscle has no fibres")

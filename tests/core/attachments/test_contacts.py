@@ -163,8 +163,7 @@ def test_islands_that_an_edge_joins_are_in_one_ring():
 
 def test_the_ring_gives_back_the_patch_but_for_its_holes():
     """Even where a bone lies on the other side: landmarks that are the muscle's points stay there."""
-    hole = (X == 20) & (Y == 6)
-    whole = (X >= 10) & (X <= 30) & (Y >= 2)
+    hole, whole = (X == 20) & (Y == 6), (X >= 10) & (X <= 30) & (Y >= 2)
     ring, closed = outline(*STRIP, np.flatnonzero(whole & ~hole))
     for bone in (None, lambda places: 5.0 + places[:, 2], lambda places: 5.0 - places[:, 2]):
         patch = attachment_patch(*STRIP, ring, closed, bone_distance=bone)

@@ -15,8 +15,7 @@ RADIUS = 20.0
 
 def ball(n_points=3000):
     """Return a triangulated sphere with points of no particular order."""
-    rng = np.random.default_rng(8)
-    i = np.arange(n_points) + 0.5
+    rng, i = np.random.default_rng(8), np.arange(n_points) + 0.5
     z, angle = 1 - 2 * i / n_points, np.pi * (1 + 5**0.5) * i
     flat = np.sqrt(1 - z * z)
     points = RADIUS * np.column_stack([flat * np.cos(angle), flat * np.sin(angle), z])
@@ -108,8 +107,7 @@ def within_oval(patch):
     """Return True where the patch is all of the lower face within the oval, give or take an edge."""
     x, y, z = SLAB[0].T
     r, slack = np.hypot(x / 15, y / 8), 3.0 / 8.0
-    chosen = np.isin(np.arange(len(SLAB[0])), patch)
-    lower = z == 0.0
+    chosen, lower = np.isin(np.arange(len(SLAB[0])), patch), z == 0.0
     return bool(chosen[lower & (r < 1 - slack)].all() and not chosen[~lower | (r > 1 + slack)].any())
 
 

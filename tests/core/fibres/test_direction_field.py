@@ -53,8 +53,7 @@ def test_parallel_fibres_have_one_direction_everywhere(rng):
 
 def test_it_is_the_mean_that_its_words_say(rng):
     """The sum over all fibres, written down again without a search, of straight fibres cut anyhow."""
-    fibres = straight(rng, 40)
-    positions = rng.uniform(-10, 70, (300, 3))
+    fibres, positions = straight(rng, 40), rng.uniform(-10, 70, (300, 3))
     found, distances = DirectionField(*lines_of(fibres)).at(positions)
     ways = np.array([fibre[-1] - fibre[0] for fibre in fibres])
     ways /= np.linalg.norm(ways, axis=1)[:, None]

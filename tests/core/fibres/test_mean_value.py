@@ -27,8 +27,7 @@ def reference(points, triangles, query):
     e = points.astype(np.longdouble) - query
     w = np.zeros(len(points), dtype=np.longdouble)
     for t in triangles:
-        corners = e[t]
-        m = np.zeros(3, dtype=np.longdouble)
+        corners, m = e[t], np.zeros(3, dtype=np.longdouble)
         for k in range(3):
             a, b = corners[(k + 1) % 3], corners[(k + 2) % 3]
             c = np.cross(a, b)
@@ -137,8 +136,7 @@ def ball():
 @pytest.fixture(scope="module")
 def mesh():
     points, triangles, _ = spindle()
-    centre = points.mean(axis=0)
-    rng = np.random.default_rng(3)
+    centre, rng = points.mean(axis=0), np.random.default_rng(3)
     inside = centre + (points[rng.integers(0, len(points), 120)] - centre) * rng.uniform(0, 0.95, (120, 1))
     on = points[triangles[:20]].mean(axis=1)
     outside = centre + (points[:20] - centre) * 1.3

@@ -178,8 +178,7 @@ BELLY, TENDON, LONG = 12.0, 2.0, (60.0, 80.0, 40.0)
 
 def bent(places):
     """Return places of a straight muscle along z, 180 mm, bent round an axis 100 mm aside, by 1.8 rad."""
-    angle = places[..., 2] / 100.0
-    off = 100.0 + places[..., 0]
+    angle, off = places[..., 2] / 100.0, 100.0 + places[..., 0]
     return np.stack([off * np.cos(angle) - 100.0, places[..., 1], off * np.sin(angle)], axis=-1)
 
 

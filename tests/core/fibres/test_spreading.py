@@ -56,8 +56,7 @@ def test_crowded_fibres_come_to_fill_the_box(samples):
 
 
 def test_steps_are_across_the_fibre(samples):
-    rng = np.random.default_rng(1)
-    t = np.linspace(0, 1, 16)
+    rng, t = np.random.default_rng(1), np.linspace(0, 1, 16)
     lines = [np.outer(1 - t, a) + np.outer(t, b) for a, b in rng.random((10, 2, 3)) * BOX]
     offsets = np.arange(11) * 16
     steps = steps_to_centres(np.vstack(lines), offsets, cloud(samples)).reshape(10, 16, 3)

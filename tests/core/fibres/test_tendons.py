@@ -37,8 +37,7 @@ def test_a_rigid_motion_is_followed_and_at_rest_nothing_moves(fibres):
 
 
 def test_what_is_bent_at_rest_keeps_the_bow_that_it_was_carried_with(fibres):
-    rest = sheet(np.zeros_like)
-    bent = fibres.copy()
+    rest, bent = sheet(np.zeros_like), fibres.copy()
     bent[:5, 4, 2] += 1.0
     held = Tendons(bent, rest, free(bent)).placed(bent * [0.8, 1.0, 1.0], rest * [0.8, 1.0, 1.0])
     middle = held[:, 4, 2] - (held[:, 0, 2] + held[:, -1, 2]) / 2.0

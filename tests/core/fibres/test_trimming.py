@@ -97,8 +97,7 @@ def test_fibres_do_not_meet_but_are_spread_over_the_area(fibres):
 
 
 def test_between_the_planes_the_fibres_run_as_before():
-    result = trimmed(parallel())
-    start = parallel()[:, :1, :2]
+    result, start = trimmed(parallel()), parallel()[:, :1, :2]
     middle = (result[:, :, 2] > 12) & (result[:, :, 2] < 88)
     assert middle.any(axis=1).all()
     assert_allclose(np.where(middle[:, :, None], result[:, :, :2] - start, 0), 0, atol=1e-9)

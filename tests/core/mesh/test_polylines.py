@@ -9,8 +9,7 @@ from vtkmuscle.core.mesh import polylines
 
 
 def random_lines(seed, sizes=(2, 7, 1, 16, 3)):
-    rng = np.random.default_rng(seed)
-    offsets = np.append(0, np.cumsum(sizes))
+    rng, offsets = np.random.default_rng(seed), np.append(0, np.cumsum(sizes))
     return rng.normal(size=(offsets[-1], 3)) * 10, offsets.astype(np.int64)
 
 

@@ -51,8 +51,7 @@ def test_within_held_it_is_kept_though_the_one_who_asked_is_gone():
 def test_what_was_made_does_not_follow_an_array_that_its_owner_changes():
     ask, _ = counted()
     points, triangles = ball()
-    before = points.copy()
-    known = ask(points, triangles)
+    before, known = points.copy(), ask(points, triangles)
     points += 1.0
     np.testing.assert_array_equal(known.points, before)
     assert ask(before, triangles) is known

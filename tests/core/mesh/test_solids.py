@@ -180,8 +180,7 @@ def read(path):
 def test_rays_through_points_and_along_edges_count_once():
     points, triangles = meshed_box((0.0, 0.0, 0.0), (4.0, 4.0, 4.0), 1.0)
     grid = np.stack(np.meshgrid(*[np.arange(0.5, 4.0, 0.5)] * 3), axis=-1).reshape(-1, 3)
-    up = np.array([0.0, 0.0, 4.0])
-    tree = triangle_tree(points, triangles)
+    up, tree = np.array([0.0, 0.0, 4.0]), triangle_tree(points, triangles)
     assert points_inside(grid, tree).all()
     assert not points_inside(grid + up, tree).any()
     assert not points_inside(grid - up, tree).any()

@@ -103,8 +103,7 @@ def test_a_single_pose_has_levers_where_the_joint_is_known():
 
 
 def test_a_slide_has_the_part_of_the_pull_along_it():
-    shifts = np.linspace(0.0, 20.0, 6)
-    table = np.tile(np.eye(4), (6, 1, 1))
+    shifts, table = np.linspace(0.0, 20.0, 6), np.tile(np.eye(4), (6, 1, 1))
     table[:, 2, 3] = -shifts
     motion = RigidMotion(shifts, {"shank": table}, None, {"pull": Coordinate(shifts / 10.0, "cm")})
     lengths, levers, ends = straight(motion)

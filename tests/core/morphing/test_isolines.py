@@ -4,6 +4,7 @@ from bent_muscle import bent_tube, half_circle, letter_s
 from oracles import igl
 from shapes import closed_surface
 
+from vtkmuscle.core.morphing import isolines
 from vtkmuscle.core.morphing.isolines import IsolineCourse, attachment_field, morph_by_isolines
 from vtkmuscle.core.morphing.slices import Slicing, morph_by_planes
 from vtkmuscle.core.motion.rigid import apply_transform
@@ -113,6 +114,14 @@ def test_neighbours_stay_neighbours_at_every_isoline(double_bend):
     for level in range(1, 15):
         distances = np.linalg.norm(fibres[close[:, 0], level] - fibres[close[:, 1], level], axis=1)
         assert distances.max() < 0.8 * RADIUS
+
+
+def test_rounding_behind_an_area_does_not_move_the_isolines(half_turn, rng):
+    points, triangles, _, _ = half_turn
+    field = np.clip((points[:, 0] - points[:, 0].min()) / np.ptp(points[:, 0]) * 1.5, 0.0, 1.0)
+    rounded = np.where(field == 1.0, 1.0 - 1e-15 * rng.random(len(field)), field)
+    distances = [isolines.isoline_distances(points, triangles, each)[1] for each in (field, rounded)]
+    assert np.allclose(*distances, rtol=1e-9)
 
 
 def test_overlapping_or_missing_areas_are_named(half_turn):

@@ -64,8 +64,7 @@ def forked():
 @pytest.mark.parametrize("continuity", [0.0, 0.2])
 def test_in_a_block_the_template_stays_as_it_is(kind, continuity):
     points, triangles = box((0, 0, 0), (20, 40, 120), 7.0)
-    transform = upright_box(points)
-    move = np.eye(4)
+    transform, move = upright_box(points), np.eye(4)
     move[:3, :3], move[:3, 3] = Rotation.from_euler("xyz", [0.4, 1.0, 2.0]).as_matrix(), (300, -50, 80)
     cube = template(kind)
     fibres = morph(apply_transform(move, points), triangles, cube, move @ transform, continuity=continuity)

@@ -106,8 +106,7 @@ TURN = rotation_about([1.0, 2, 3], [0, 1, 1], 40.0)
 
 @pytest.mark.parametrize("a", [-1.0, -0.042, 0.0, 0.5, 1.0])
 def test_weights_go_from_one_to_zero_by_the_formula(a):
-    weights = origin_weights(OFFSETS, a)
-    t = np.linspace(0, 1, 8)
+    weights, t = origin_weights(OFFSETS, a), np.linspace(0, 1, 8)
     assert_allclose(weights[6:], a * t**2 - (a + 1) * t + 1, atol=1e-15)
     assert weights[0] == weights[5] == weights[6] == 1.0
     assert_allclose(weights[[4, 13]], 0, atol=1e-15)

@@ -136,7 +136,7 @@ def isoline_distances(points: Floats, triangles: Ints, field: Floats) -> tuple[F
     low, high = field[triangles].min(axis=1), field[triangles].max(axis=1)
     first = (low * N_CLASSES).astype(np.int64)
     last = np.minimum((high * N_CLASSES).astype(np.int64), N_CLASSES - 1)
-    counts = np.where(integrals > 0.0, last - first + 1, 0)
+    counts = np.where(high - low > ROUNDING, last - first + 1, 0)  # behind an area the function is constant
     t = np.repeat(np.arange(len(triangles)), counts)
     k = first[t] + np.arange(len(t)) - np.repeat(np.cumsum(counts) - counts, counts)
     shares = (np.minimum(high[t], (k + 1) / N_CLASSES) - np.maximum(low[t], k / N_CLASSES)) / (high - low)[t]

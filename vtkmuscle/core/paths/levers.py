@@ -81,7 +81,7 @@ def path_levers(
         gradient += part * along_drift
         least, largest = TOLERANCE * float(np.linalg.norm(velocity[:, [0, -1]], axis=2).max()), 0.0
         for more in _responses(gradient, change, step):
-            size = float(np.sqrt((_shortening(pull, more) ** 2).mean()))
+            size = float(np.sqrt((np.einsum("fni,fni->f", pull, more) ** 2).mean()))
             if largest > 0.0 and size > LARGEST_GROWTH * largest:
                 break
             velocity += more
@@ -90,7 +90,7 @@ def path_levers(
                 break
         if carried is not None:
             velocity = carried[0].carry(velocity, _moved_by(twist, carried[1]))
-        return _shortening(all_pull, velocity)
+        return np.asarray(np.einsum("fni,fni->f", all_pull, velocity))  # the rates of shortening
 
     # All bones that move together leave the lengths as they are.
     relative = twists - twists[:, touched[:1]]
@@ -105,11 +105,6 @@ def _pull_of(paths: Floats) -> Floats:
     segments = np.diff(paths, axis=1)
     sizes = np.linalg.norm(segments, axis=2, keepdims=True)
     return np.diff(segments / np.maximum(sizes, np.finfo(float).tiny), axis=1, prepend=0.0, append=0.0)
-
-
-def _shortening(pull: Floats, velocity: Floats) -> Floats:
-    """Return the rates of shortening of paths, (f,)."""
-    return np.asarray(np.einsum("fni,fni->f", pull, velocity))
 
 
 def _moved_by(twist: Floats, transforms: Floats) -> Floats:
