@@ -167,6 +167,9 @@ def test_results_are_exported_without_another_run(ran, results, tmp_path):
     path.write_text(scene + "\n# changed\n")
     with pytest.raises(ValueError, match="has changed"):
         export(results, tmp_path / "strap.osim")
+    replace(Scene.load(path), files={}).run(tmp_path / "made", frames=0, figures=False, report=False)
+    with pytest.raises(ValueError, match=r"made.scene\.toml, has changed or is missing; export a scene"):
+        export(tmp_path / "made", tmp_path / "b.osim")
     path.write_text(scene)
 
 

@@ -216,10 +216,10 @@ def _run_of(source: Path, result: Result | None, options: RunOptions, named: set
     path = source
     if source.is_dir():
         result = result or Result.load(source)
-        path = Path(result.report["scene_file"])
-        if not path.is_file() or file_digest(path) != result.report["sha256"]["scene"]:
+        path = Path(result.report["scene_file"] or source / "scene.toml")  # none of a scene made in Python
+        if not path.is_file() or file_digest(path) != result.report["sha256"].get("scene"):
             problem = f"the scene of these results, {path}, has changed or is missing"
-            raise InputError(source, problem, "export the scene.toml")
+            raise InputError(source, problem, "export a scene.toml; Scene.save writes a scene made in Python")
     table = validated(parsed(path), path)
     files = SceneFiles(path)
     if table.mirror is not None:
