@@ -93,7 +93,7 @@ def test_bad_input_is_one_line_and_status_2(old, new, message, scene_file, tmp_p
 
 def test_frames_and_folders_that_cannot_be_are_status_2(scene_file, tmp_path):
     done = vtkmuscle_("run", scene_file, "--out", tmp_path / "out", "--frames", "9:3", "--quiet")
-    assert (done.exit_code, "the motion has 5 frames" in done.stderr) == (2, True)
+    assert (done.exit_code, "5 frames; give A:B or A:B:STEP, 0" in done.stderr) == (2, True)
     done = vtkmuscle_("run", scene_file, "--out", scene_file, "--quiet")
     assert (done.exit_code, "is a file; give another folder" in done.stderr) == (2, True)
     assert vtkmuscle_("run", tmp_path / "no.toml").exit_code == 2

@@ -223,4 +223,4 @@ def say(quiet: bool, text: str) -> None:
 
 def print_error(text: str, *, style: str = "bold red") -> None:
     """Print a text to standard error, above progress bars."""
-    Console(stderr=True).print(text, markup=False, highlight=False, style=style, soft_wrap=True)
+    Console(stderr=True, emoji=False).print(text, markup=False, highlight=False, style=style, soft_wrap=True)
