@@ -167,8 +167,7 @@ def one_clear_error(out: Path | None) -> Iterator[None]:
             print_error(f"error: a fault of vtkmuscle: {_traceback_of(stop)}")
             raise typer.Exit(FAULT) from stop
         print_error(f"stopped. {_what_is_finished(out)}", style="yellow")
-        status = 128 + stop.args[0] if isinstance(stop, TerminatedError) else INTERRUPTED
-        raise typer.Exit(status) from None
+        raise typer.Exit(128 + stop.args[0] if isinstance(stop, TerminatedError) else INTERRUPTED) from None
 
 
 def _traceback_of(error: BaseException) -> str:

@@ -252,9 +252,7 @@ def _run_of(source: Path, result: Result | None, options: RunOptions, named: set
     result = result or run_scene(scene, None, options)
     failed = [name for name, verdict in result.verdicts.items() if verdict == FAILED]
     if not (whole := [name for name in result.lengths if name not in failed]):
-        raise InputError(
-            source, "no muscle of the run has paths and did not fail", "see the report of the run"
-        )
+        raise InputError(source, "no muscle of the run has paths and did not fail", "see the run's report")
     if failed:
         warnings.warn(f"left out of the model: {', '.join(failed)}, failed in the run", stacklevel=4)
     poses: dict[str, _Poses] = {}
@@ -323,8 +321,7 @@ def _exported(
         mean = lengths[:, members].mean(axis=1) / 1000.0
         mean_arms = {}
         for at, unit in units.items():
-            rows = np.isin(arms[at].frames, kept)
-            mean_arms[at] = arms[at].arms[rows][:, members].mean(axis=1) / unit
+            mean_arms[at] = arms[at].arms[np.isin(arms[at].frames, kept)][:, members].mean(axis=1) / unit
         if lines is None:
             columns = {each: values[each] for each in mean_arms}
             path: FunctionPath | PointPath = fit_length(mean, columns, mean_arms)
