@@ -235,8 +235,7 @@ def test_a_fault_of_the_package_is_one_line_with_its_traceback_in_a_file(monkeyp
     done = CliRunner().invoke(app, ["run", str(scene_file)])
     assert (done.exit_code, len(done.stderr.splitlines())) == (FAULT, 1)
     assert "error: a fault of vtkmuscle: KeyError: 'odd'; the traceback is in " in done.stderr
-    file = Path(done.stderr.split("traceback is in ")[1].split(",")[0])
-    assert "in broken" in file.read_text()
+    assert "in broken" in Path(done.stderr.split("traceback is in ")[1].split(",")[0]).read_text()
     monkeypatch.setattr(options, "_pressed", threading.Event())
     monkeypatch.setattr(Scene, "load", lambda *_: (options._pressed.set(), broken()))
     done = CliRunner().invoke(app, ["run", str(scene_file)])

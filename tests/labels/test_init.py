@@ -135,8 +135,7 @@ def test_a_stated_name_without_a_mesh_and_a_folder_are_errors(files, tmp_path, o
 
 
 def test_a_name_that_says_nothing_needs_a_word(files, tmp_path):
-    odd = files[2].rename(tmp_path / "part 7.vtp")
-    given = [files[0], files[1], odd]
+    given = [files[0], files[1], files[2].rename(tmp_path / "part 7.vtp")]
     done = init(*given, "--out", tmp_path / "scene")
     assert done.exit_code == 2
     assert "--muscle" in done.output
