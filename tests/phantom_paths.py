@@ -137,8 +137,7 @@ def known_paths(make, *, rings=True, **settings):
     line, across, outward = COURSES[make]
     fibres = fibres_along(line(), across, outward)
     start, end = bones_at_ends(fibres, made.points, made.fixed_to)
-    more = {} if rings else {"rings": ()}
-    return made.pulled(fibres=fibres, start_bones=start, end_bones=end, **more)
+    return made.pulled(fibres=fibres, start_bones=start, end_bones=end, **({} if rings else {"rings": ()}))
 
 
 @cache

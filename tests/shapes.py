@@ -29,8 +29,7 @@ def convex(points):
 
 
 def ball(*, radius=10.0, centre=(0.0, 0.0, 0.0), n_points=400):
-    rng = np.random.default_rng(3)
-    directions = rng.normal(size=(n_points, 3))
+    directions = np.random.default_rng(3).normal(size=(n_points, 3))
     return convex(radius * directions / np.linalg.norm(directions, axis=1, keepdims=True) + np.array(centre))
 
 

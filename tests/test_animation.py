@@ -21,8 +21,7 @@ def result():
 
 
 def opened(path):
-    usd = pytest.importorskip("pxr.Usd", reason="the extra usd is not installed")
-    return usd.Stage.Open(str(path))
+    return pytest.importorskip("pxr.Usd", reason="the extra usd is not installed").Stage.Open(str(path))
 
 
 def points_at(stage, path, frame):

@@ -13,6 +13,7 @@ from vtkmuscle import Scene, SceneError
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.data.arrays import points_of, triangles_of
+from vtkmuscle.run.result_data import time_label
 from vtkmuscle.scene.reading import read_motion
 
 
@@ -41,6 +42,7 @@ def test_a_grid_of_two_pins_is_the_phantoms_motion(strap_folder, tmp_path):
 
 def test_between_frames_the_joints_stay_together(strap_folder, tmp_path):
     motion = read_motion(scene_with(strap_folder, tmp_path, motion={"grid": {"lower": [0, 60, 20]}}))
+    assert time_label(motion) == "lower [degrees]", "60 degrees are not 60 after radians"
     assert motion.times.tolist() == [0, 20, 40, 60]
     between = motion.at(30.0)["distal"]
     np.testing.assert_allclose(between, rotation_about(CENTRE, AXIS, -30.0), atol=1e-9)

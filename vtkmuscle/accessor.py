@@ -94,9 +94,7 @@ class MuscleAccessor:
         **solver
             Parameters of :class:`~vtkmuscle.filters.PBDDeformer`.
         """
-        fixing: dict[str, Any] | None = (
-            None if attachments is None and "FixedTo" in self._mesh.point_data else {}
-        )
+        fixing: Any = None if attachments is None and "FixedTo" in self._mesh.point_data else {}
         last = deform(self._mesh, bones, motion, attachments, fibres=fibres, fixing=fixing, **solver)
         return last.apply(time=time)
 

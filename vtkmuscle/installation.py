@@ -54,8 +54,7 @@ def _measured() -> Iterator[tuple[str, float, float, float]]:
         quantity = f"{phantom.name}: mean moment arm at {arms.values[-1]:g} {arms.unit} [mm]"
         yield quantity, float(arms.mean[-1]), known, ARM_ERROR
     scene = Scene.from_phantom(spindle_over_hinge(), n_fibres=N_FIBRES)
-    report = scene.run(deformer="pbd", frames="0:6").report["muscles"]["spindle"]
-    ratio = report["frames"][-1]["volume_ratio"]
+    ratio = scene.run(deformer="pbd", frames="0:6").report["muscles"]["spindle"]["frames"][-1]["volume_ratio"]
     yield "spindle_over_hinge by PBD: volume / at rest", ratio, 1.0, SAME
     block = pennate_block()
     known_block: Any = block.known

@@ -96,8 +96,7 @@ def fitted_template():
     data = template()
     fitted = with_points(data, apply_transform(BOX, points_of(data)))
     for name in ("OriginArea", "InsertionArea"):
-        corners = template_corners(data, name)
-        add_arrays(fitted, fields={name: apply_transform(BOX, corners)})
+        add_arrays(fitted, fields={name: apply_transform(BOX, template_corners(data, name))})
     add_arrays(fitted, fields={"Transform": BOX.reshape(16), "FitError": 1.5})
     return fitted
 

@@ -75,8 +75,7 @@ def test_a_bone_that_jumps_through_the_muscle_leaves_it_as_the_pose_has_it():
 
 
 def test_a_muscle_that_a_bone_drops_over_comes_out_again():
-    block = box([-60, 100, -60], [60, 220, 60], 120.0)
-    out = deformed(block, [moved(0, 0, 0), moved(0, -160, 0)])
+    out = deformed(box([-60, 100, -60], [60, 220, 60], 120.0), [moved(0, 0, 0), moved(0, -160, 0)])
     assert (np.abs(free_points(out)) >= 59.9).any(axis=1).mean() > 0.99
 
 

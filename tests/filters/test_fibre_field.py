@@ -109,8 +109,7 @@ def test_what_is_outside_is_marked():
         spacing=(np.ptp(bounds, axis=1) + 20) / [10, 10, 20],
     )
     field = FibreField(at="points").apply(mesh, fibres, muscle)
-    surface = pv.wrap(muscle)
-    distance = mesh.compute_implicit_distance(surface)["implicit_distance"]
+    distance = mesh.compute_implicit_distance(pv.wrap(muscle))["implicit_distance"]
     assert np.array_equal(field["InMuscle"] == 1, distance <= 0.0)
     assert 0.02 < field["InMuscle"].mean() < 0.5
     # Without the surface it is an estimate.

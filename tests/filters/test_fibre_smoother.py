@@ -74,8 +74,7 @@ def test_with_spreading_ends_move_on_their_areas():
     geometry = surface_of(muscle, "muscle").geometry
     for end, role in ((0, "origin"), (-1, "insertion")):
         patch = np.concatenate([geometry.patch(a) for a in attachments_of(attachments, "") if a.role == role])
-        on_area = geometry.on(patch).distances(moved[:, end])
-        assert_allclose(on_area, 0.0, atol=1e-9)
+        assert_allclose(geometry.on(patch).distances(moved[:, end]), 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("phantom", [fibre_block("parallel"), spindle_over_hinge()], ids=lambda p: p.name)
@@ -172,5 +171,4 @@ def test_fibres_that_are_held_at_the_rim_of_a_broad_area_do_not_hook_there():
     fibres = decompose(muscle, areas, n_fibres=100, resolution=15, method="harmonic").update().output
     steps = np.diff(points_of(fibres).reshape(100, 16, 3), axis=1)
     steps /= np.linalg.norm(steps, axis=2, keepdims=True)
-    turns = np.degrees(np.arccos((steps[:, 1:] * steps[:, :-1]).sum(axis=2).clip(-1, 1)))
-    assert turns.max() <= 60
+    assert np.degrees(np.arccos((steps[:, 1:] * steps[:, :-1]).sum(axis=2).clip(-1, 1))).max() <= 60

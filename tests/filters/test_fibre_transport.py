@@ -18,8 +18,7 @@ def muscle():
 @pytest.fixture
 def fibres():
     t = np.linspace(-1, 1, 9)
-    lines = [np.column_stack([25 * t, 6 * np.sin(t + i), np.full(9, float(i))]) for i in range(3)]
-    return lines_of(lines)
+    return lines_of([np.column_stack([25 * t, 6 * np.sin(t + i), np.full(9, float(i))]) for i in range(3)])
 
 
 def count_weight_computations(monkeypatch):
@@ -35,16 +34,14 @@ def count_weight_computations(monkeypatch):
 
 
 def test_without_a_deformation_fibres_come_back_also_those_outside(fibres, muscle):
-    moved = FibreTransport()(fibres, muscle, muscle)
-    assert_allclose(points_of(moved), points_of(fibres), atol=1e-9)
+    assert_allclose(points_of(FibreTransport()(fibres, muscle, muscle)), points_of(fibres), atol=1e-9)
 
 
 def test_rest_lengths_are_added_and_other_arrays_kept(fibres, muscle):
     add_arrays(fibres, cells={"FibreId": np.array([4, 5, 6])})
     deformed = with_points(muscle, 0.5 * points_of(muscle))
     moved = FibreTransport()(fibres, muscle, deformed)
-    p = points_of(fibres).reshape(3, 9, 3)
-    expected = np.linalg.norm(np.diff(p, axis=1), axis=2).sum(axis=1)
+    expected = np.linalg.norm(np.diff(points_of(fibres).reshape(3, 9, 3), axis=1), axis=2).sum(axis=1)
     assert_allclose(cell_array(moved, "RestLength", ""), expected, rtol=1e-12)
     assert_array_equal(cell_array(moved, "FibreId", ""), [4, 5, 6])
 
@@ -66,12 +63,10 @@ def test_a_change_of_the_rest_state_is_noticed_even_behind_vtks_back(monkeypatch
     deformed = with_points(muscle, points_of(muscle))
     transport(fibres, muscle, deformed)
     # A numpy view writes into VTK's memory without marking anything modified.
-    changed = {"fibres": fibres, "muscle": muscle}[which]
-    vtk_to_numpy(changed.GetPoints().GetData())[:] *= 0.5
+    vtk_to_numpy({"fibres": fibres, "muscle": muscle}[which].GetPoints().GetData())[:] *= 0.5
     moved = transport(fibres, muscle, deformed)
     assert len(calls) == 2
-    scale = {"fibres": 1.0, "muscle": 2.0}[which]
-    assert_allclose(points_of(moved), scale * points_of(fibres), atol=1e-9)
+    assert_allclose(points_of(moved), {"fibres": 1.0, "muscle": 2.0}[which] * points_of(fibres), atol=1e-9)
 
 
 def test_points_outside_of_the_muscle_are_counted(fibres, muscle):
@@ -90,8 +85,7 @@ def test_pruned_weights_are_near_all_of_them_and_say_how_near(fibres, muscle):
     assert_array_equal(field_array(exact, "WeightError"), [0.0])
     transport = FibreTransport(weight_tolerance=0.5)
     pruned = transport(fibres, muscle, deformed)
-    error = np.linalg.norm(points_of(pruned) - points_of(exact), axis=1).max()
-    assert 0 < error < 0.5
+    assert 0 < np.linalg.norm(points_of(pruned) - points_of(exact), axis=1).max() < 0.5
     assert 0 < field_array(pruned, "WeightError")[0] < 1.0
     transport.weight_tolerance = 0.0
     assert_array_equal(points_of(transport(fibres, muscle, deformed)), points_of(exact))

@@ -24,8 +24,7 @@ def muscle():
 
 
 def ring(z, half=10.0):
-    corners = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * half
-    return np.column_stack([corners, np.full(4, z)])
+    return np.column_stack([(np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * half), np.full(4, z)])
 
 
 def areas(origin_z=10.0, insertion_z=70.0):
@@ -40,8 +39,7 @@ def fibres(n=30, count=16):
     i, t = np.arange(n) + 0.5, np.linspace(0, 1, count)
     radius, angle = 9 * np.sqrt(i / n), np.pi * (1 + 5**0.5) * i
     feet = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), 0 * i])
-    lines = feet[:, None] * np.sin(np.pi * t)[:, None] + LENGTH * t[:, None] * [0, 0, 1]
-    data = lines_of(lines)
+    data = lines_of(feet[:, None] * np.sin(np.pi * t)[:, None] + LENGTH * t[:, None] * [0, 0, 1])
     add_arrays(data, points={"t": np.tile(t, n)}, cells={"FibreId": np.arange(n)}, fields={"FitError": 0.5})
     return data
 
@@ -54,8 +52,7 @@ def ends_of(data, n=30):
 def test_it_says_how_many_fibres_end_on_the_areas_as_they_are(muscle):
     led = FibreTrimmer()(fibres(), muscle, attachments_from(areas()))
     assert_array_equal(field_array(led, "EndsKept"), [0.0, 0.0])
-    again = FibreTrimmer()(led, muscle, attachments_from(areas()))
-    assert field_array(again, "EndsKept").min() > 0.9
+    assert field_array(FibreTrimmer()(led, muscle, attachments_from(areas())), "EndsKept").min() > 0.9
 
 
 def test_several_areas_of_a_role_are_used_together(muscle):
@@ -86,8 +83,8 @@ def test_the_axis_of_the_template_is_used_where_there_is_one(muscle):
     # The centroids of these areas would give a slanted axis; with the template's, both planes are level.
     level = np.column_stack([np.full(4, -10.0), [-5, 5, 5, -5], [2, 2, 10, 10.0]])
     data = attachments_from([AttachmentArea("origin", "pelvis", level, True), areas()[1]])
-    straight = np.linspace([0.0, 0, 0], [0, 0, LENGTH], 41)
-    fibre, transform = lines_of([straight]), np.eye(4)
+    fibre = lines_of([np.linspace([0.0, 0, 0], [0, 0, LENGTH], 41)])
+    transform = np.eye(4)
     transform[:3, 2] = [0, 0, LENGTH]
     add_arrays(fibre, fields={"Transform": transform.reshape(-1)})
     points = points_of(FibreTrimmer()(fibre, muscle, data))
@@ -115,5 +112,4 @@ def test_fibres_of_a_real_muscle_stay_in_it_and_end_apart_without_sharp_turns(lh
         assert gaps.min() > 0.3
     steps = np.diff(points_of(FibreSmoother()(trimmed)).reshape(64, -1, 3), axis=1)
     steps /= np.linalg.norm(steps, axis=2, keepdims=True)
-    turns = np.degrees(np.arccos(np.clip((steps[:, 1:] * steps[:, :-1]).sum(axis=2), -1, 1)))
-    assert turns.max() < 60
+    assert np.degrees(np.arccos(np.clip((steps[:, 1:] * steps[:, :-1]).sum(axis=2), -1, 1))).max() < 60

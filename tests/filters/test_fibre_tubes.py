@@ -30,8 +30,7 @@ def test_scalars_of_points_and_cells_are_passed_on():
     assert_allclose(point_array(tubes, "t", ""), points_of(tubes)[:, 0], atol=1e-12)
     ids = cell_array(tubes, "FibreId", "")
     for cell in range(tubes.GetNumberOfCells()):
-        low_y = tubes.GetCell(cell).GetBounds()[2]
-        assert ids[cell] == (9 if low_y > 5 else 4)
+        assert ids[cell] == (9 if tubes.GetCell(cell).GetBounds()[2] > 5 else 4)
 
 
 def test_a_fibre_without_length_gets_no_tube_and_the_others_keep_their_scalars():
@@ -51,5 +50,4 @@ def test_repeated_points_and_turns_back_make_no_nan(walk):
     lines = (np.cumsum(np.array(walk, dtype=float), axis=0), straight(5))
     tubes = FibreTubes(radius=0.3, sides=5)(lines_of(lines))
     assert np.isfinite(points_of(tubes)).all()
-    normals = vtk_to_numpy(tubes.GetPointData().GetNormals())
-    assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-5)
+    assert_allclose(np.linalg.norm(vtk_to_numpy(tubes.GetPointData().GetNormals()), axis=1), 1.0, atol=1e-5)

@@ -16,15 +16,13 @@ ENDS = np.array([[0.0, 40.0, 20.0], [5.0, 50.0, 10.0]])
 
 
 def lines_at(angle):
-    transform = rotation_about((0, 0, 0), (1, 0, 0), angle)
-    ends = ENDS @ transform[:3, :3].T
+    ends = ENDS @ rotation_about((0, 0, 0), (1, 0, 0), angle)[:3, :3].T
     return lines_of(np.stack([STARTS, ends], axis=1))
 
 
 def known_arms(angle):
     """Return the lever of each straight fibre's pull about the x axis, positive right-handed."""
-    transform = rotation_about((0, 0, 0), (1, 0, 0), angle)
-    ends = ENDS @ transform[:3, :3].T
+    ends = ENDS @ rotation_about((0, 0, 0), (1, 0, 0), angle)[:3, :3].T
     pull = STARTS - ends
     pull /= np.linalg.norm(pull, axis=1)[:, None]
     return np.cross(ends, pull)[:, 0]
@@ -79,8 +77,7 @@ def test_of_two_coordinates_each_has_its_arrays_where_it_is_determined():
     )
 
     def lines(time):
-        turned = lines_at(np.interp(time, motion.times, angles))
-        points = np.array(turned.GetPoints().GetData())
+        points = np.array(lines_at(np.interp(time, motion.times, angles)).GetPoints().GetData())
         points[::2, 1] -= np.interp(time, motion.times, shifts)
         return lines_of(points.reshape(2, 2, 3))
 

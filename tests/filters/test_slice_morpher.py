@@ -26,8 +26,7 @@ def fibres_in(muscle, attachments, **template):
 def share_inside(points, muscle, slack):
     surface, triangles = points_of(muscle), triangles_of(muscle, "test")
     distances = np.sqrt(igl.point_mesh_squared_distance(points, surface, triangles)[0])
-    inside = igl.fast_winding_number(surface, triangles, points) > 0.5
-    return (inside | (distances <= slack)).mean()
+    return ((igl.fast_winding_number(surface, triangles, points) > 0.5) | (distances <= slack)).mean()
 
 
 def largest_turns(lines):

@@ -32,8 +32,7 @@ def paths(shorter=0.0):
     """Return three straight paths along x, their last ends moved back."""
     t = np.linspace(0.0, 1.0, 13)[:, None]
     rest = lines_of([(1.0 - t) * [-18.0, y, 0.0] + t * [18.0, y, 0.0] for y in (-3.0, 0.0, 3.0)])
-    now = points_of(rest) - np.tile(shorter * t, (3, 1)) * [1.0, 0.0, 0.0]
-    moved = with_points(rest, now)
+    moved = with_points(rest, (points_of(rest) - np.tile(shorter * t, (3, 1)) * [1.0, 0.0, 0.0]))
     add_arrays(moved, points={"RestPosition": points_of(rest)})
     return moved
 
@@ -74,8 +73,7 @@ def test_fibres_are_no_farther_outside_of_the_muscle_than_at_rest(fibres, muscle
     solid = solids_of(*checked_surface(thinner, "test"))
     assert solid.distances(points_of(wide)).max() > 1.0
     assert solids_of(*checked_surface(muscle, "test")).distances(points_of(wide)).max() <= 0.0
-    moved = held(wide, muscle, paths(), deformed=thinner)
-    assert solid.distances(moved.points).max() <= 1e-9
+    assert solid.distances(held(wide, muscle, paths(), deformed=thinner).points).max() <= 1e-9
 
 
 def test_a_pipeline_holds_fibres_between_aponeuroses_and_no_others():

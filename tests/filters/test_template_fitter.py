@@ -83,8 +83,7 @@ def test_fibres_that_run_across_the_long_axis_are_found():
     fitted = TemplateFitter()(template(), muscle, areas)
     assert field_array(fitted, "FitError")[0] == pytest.approx(0, abs=1e-9)
     assert np.allclose(np.abs(axis_of(fitted)), (0, 1, 0))
-    along = TemplateFitter(axis="principal")(template(), muscle, areas)
-    assert field_array(along, "FitError")[0] > 100
+    assert field_array(TemplateFitter(axis="principal")(template(), muscle, areas), "FitError")[0] > 100
 
 
 def test_coinciding_centroids_do_not_stop_auto(spindle):
@@ -102,8 +101,7 @@ def test_coinciding_centroids_do_not_stop_auto(spindle):
 def leaning_lines(side, slope):
     """Return lines on the front of a block (y = 0) that lean to one side of it."""
     z = np.linspace(10.0, 45.0, 4)
-    lines = [np.column_stack([x + side * slope * (z - 10), 0 * z, z]) for x in (16.0, 20.0, 24.0)]
-    return lines_of(lines)
+    return lines_of([np.column_stack([x + side * slope * (z - 10), 0 * z, z]) for x in (16.0, 20.0, 24.0)])
 
 
 def square_block():
@@ -120,6 +118,5 @@ def square_block():
 def test_arched_fibres_arch_to_the_side_that_was_seen(side):
     # The landmarks of a square block suit a box with its x axis to any of four sides.
     cube = FibreTemplateSource(template="curved", n_fibres=200, resolution=15).update().output
-    fitted = TemplateFitter()(cube, *square_block(), leaning_lines(side, 0.2))
-    x_axis = transform_of(fitted)[:3, 0]
+    x_axis = transform_of(TemplateFitter()(cube, *square_block(), leaning_lines(side, 0.2)))[:3, 0]
     assert np.allclose(x_axis / np.linalg.norm(x_axis), [side, 0, 0], atol=1e-9)

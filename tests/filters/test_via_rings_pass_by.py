@@ -50,8 +50,7 @@ def test_fibres_are_those_without_the_ring(spindle, method, ring):
 def test_pennation_is_that_without_the_ring(spindle):
     # A fibre that ends where the ring is: an area there would be met at a right angle.
     muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
-    line = np.array([(0.0, -32.0, 80.0), (0.0, -32.0, 40.0), (0.0, -32.0, 10.0)])
-    fibre = lines_of([line])
+    fibre = lines_of([np.array([(0.0, -32.0, 80.0), (0.0, -32.0, 40.0), (0.0, -32.0, 10.0)])])
     inner = attachments_from([AttachmentArea("insertion", "proximal", RINGS["within"], closed=True)])
     without, beside, as_area = (
         cell_array(FibreMetrics()(fibre, muscle, a), "PennationInsertion", "test")[0]

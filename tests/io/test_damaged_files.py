@@ -73,8 +73,7 @@ def test_whole_files_of_every_kind_are_read(tmp_path, kind):
     expected, found = surface(), read_polydata(write(tmp_path, kind))
     assert found.GetPoints().GetDataType() == VTK_DOUBLE
     assert found.GetNumberOfPolys() == expected.GetNumberOfPolys()
-    corners = [points_of(data)[triangles_of(data, "")] for data in (found, expected)]
-    assert np.allclose(*corners, atol=1e-4)
+    assert np.allclose(*[points_of(data)[triangles_of(data, "")] for data in (found, expected)], atol=1e-4)
     if kind.startswith("vtp"):
         assert np.allclose(
             found.GetPointData().GetArray("Height"), expected.GetPointData().GetArray("Height")
@@ -133,8 +132,7 @@ def test_entities_are_not_read_and_bombs_are_refused(tmp_path):
     path.write_bytes(text.replace(name, b'Name="Height&b;"', 1))
     with pytest.raises(ValueError, match="export it again"):
         read_polydata(path)
-    at = content.index(b"<AppendedData")
-    start = content.index(b"_", at) + 1
+    start = content.index(b"_", content.index(b"<AppendedData")) + 1
     last = (2**31 - 1).to_bytes(4, "little")  # what the last block is said to unpack to
     path.write_bytes(content[: start + 8] + last + content[start + 12 :])
     with pytest.raises(ValueError, match="takes too much memory"):

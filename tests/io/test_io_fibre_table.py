@@ -12,8 +12,7 @@ from vtkmuscle.io import fibre_summary, write_fibre_table
 
 @pytest.fixture
 def measured():
-    lines = np.array([[[0, 0, 0], [3, 0, 0], [3, 4, 0]], [[0, 0, 0], [0, 6, 0], [0, 11, 0.0]]])
-    fibres = lines_of(lines)
+    fibres = lines_of(np.array([[[0, 0, 0], [3, 0, 0], [3, 4, 0]], [[0, 0, 0], [0, 6, 0], [0, 11, 0.0]]]))
     add_arrays(fibres, cells={"FibreId": np.array([4, 5])})
     return FibreMetrics()(fibres)
 

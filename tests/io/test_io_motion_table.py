@@ -114,11 +114,9 @@ def test_the_angle_of_a_hinge_comes_back_as_a_coordinate(tmp_path):
 )
 def test_the_time_is_a_coordinate_where_it_is_neither_a_time_nor_a_count(column, values, is_one, tmp_path):
     path = tmp_path / "motion.csv"
-    motion = hinge("tibia", (0, 0, 0), (1, 0, 0), values)
-    write_motion_table(path, replace(motion, coordinates={}), "tibia")
+    write_motion_table(path, replace(hinge("tibia", (0, 0, 0), (1, 0, 0), values), coordinates={}), "tibia")
     path.write_text(path.read_text().replace("time,", f"{column},"))
-    found = read_motion_table(path, "tibia", time=column).coordinates
-    assert list(found) == ([column] if is_one else [])
+    assert list(read_motion_table(path, "tibia", time=column).coordinates) == ([column] if is_one else [])
     assert list(read_motion_table(path, "tibia", coordinates=[column]).coordinates) == [column]
     assert not read_motion_table(path, "tibia").coordinates
 

@@ -93,8 +93,7 @@ def test_bytes_of_nrrd_numbers_that_end_lines_elsewhere_are_numbers(tmp_path, li
     ],
 )
 def test_plain_tables_may_have_names(tmp_path, text):
-    path = written(tmp_path, "F.csv", text)
-    np.testing.assert_array_equal(read_landmarks(path)[0], POINTS)
+    np.testing.assert_array_equal(read_landmarks(written(tmp_path, "F.csv", text))[0], POINTS)
 
 
 @pytest.mark.parametrize(

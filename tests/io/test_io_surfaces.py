@@ -29,8 +29,7 @@ def test_triangle_strips_become_triangles(ball, tmp_path):
 def test_lines_beside_the_triangles_are_left_out(ball, tmp_path):
     mixed = pv.PolyData(points_of(ball), faces=pv.wrap(ball).faces, lines=[2, 0, 1])
     write_polydata(tmp_path / "mixed.vtp", mixed)
-    surface = read_surface(tmp_path / "mixed.vtp")
-    assert surface.GetNumberOfCells() == ball.GetNumberOfCells()
+    assert read_surface(tmp_path / "mixed.vtp").GetNumberOfCells() == ball.GetNumberOfCells()
 
 
 @pytest.mark.parametrize("suffix", SURFACE_SUFFIXES)

@@ -65,8 +65,7 @@ def test_crossed_coordinates_are_those_between_bodies():
 
 def test_moment_arm_about_a_pin_is_the_distance_of_the_line():
     path = PointPath([PathPoint("femur", (30.0, -300.0, 0.0)), PathPoint("tibia", (30.0, -100.0, 0.0))])
-    arm = moment_arm(path, leg(), {"knee": [0.0]}, "knee")
-    np.testing.assert_allclose(arm, [30.0], atol=1e-6)
+    np.testing.assert_allclose(moment_arm(path, leg(), {"knee": [0.0]}, "knee"), [30.0], atol=1e-6)
 
 
 def test_a_conditional_point_counts_in_its_range_alone():

@@ -36,8 +36,7 @@ def test_the_axis_goes_through_both_condyles():
     points, normals, areas = parts(KNEE)
     fit = fitted_hinge(points, normals, areas, points[:, 2] < -8.0)
     assert fit.centre == pytest.approx(0.5 * (MEDIAL + LATERAL), abs=0.5)
-    direction = (MEDIAL - LATERAL) / np.linalg.norm(MEDIAL - LATERAL)
-    assert abs(fit.axis @ direction) > np.cos(np.radians(1.0))
+    assert abs(fit.axis @ ((MEDIAL - LATERAL) / np.linalg.norm(MEDIAL - LATERAL))) > np.cos(np.radians(1.0))
     assert fit.confidence > 0.5
 
 

@@ -11,6 +11,7 @@ from vtkmodules.vtkIOGeometry import vtkSTLWriter
 import vtkmuscle
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.data import arrays
+from vtkmuscle.io import read_surface
 from vtkmuscle.io.writing import write_polydata
 from vtkmuscle.labels import page
 from vtkmuscle.phantoms import hip
@@ -84,6 +85,10 @@ def test_each_guess_says_how_sure_it_is(files, tmp_path):
     )
     assert insertion.confidence == 0.64
     assert scene.guessed["units"] == 0.9
+    for file in (each for each in files if each.suffix == ".vtp"):  # in cm, or a small animal in mm
+        write_polydata(file, arrays.with_points(part := read_surface(file), 100.0 * arrays.points_of(part)))
+    done = init(*(each for each in files if each.suffix == ".vtp"), "--out", tmp_path / "cm")
+    assert "0.40  units: mm; the longest side of all surfaces is" in done.output
     assert {key.split(".")[-1] for key in scene.guessed} == {"units", "centre", "axes"}
 
 
@@ -130,8 +135,7 @@ def test_a_stated_name_without_a_mesh_and_a_folder_are_errors(files, tmp_path, o
 
 
 def test_a_name_that_says_nothing_needs_a_word(files, tmp_path):
-    odd = files[2].rename(tmp_path / "part 7.vtp")
-    given = [files[0], files[1], odd]
+    given = [files[0], files[1], files[2].rename(tmp_path / "part 7.vtp")]
     done = init(*given, "--out", tmp_path / "scene")
     assert done.exit_code == 2
     assert "--muscle" in done.output

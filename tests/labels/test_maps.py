@@ -44,9 +44,9 @@ def drawn(spacing):
 
 def distance_of_95_percent(surface, other):
     """Return how far 95 % of a surface's area is from another surface, at most."""
-    corners = surface[0][surface[1]]
-    away = np.abs(solids_of(*other).distances(corners.mean(axis=1)))
-    areas, order = np.linalg.norm(triangle_normals(*surface), axis=1), np.argsort(away)
+    away = np.abs(solids_of(*other).distances(surface[0][surface[1]].mean(axis=1)))
+    areas = np.linalg.norm(triangle_normals(*surface), axis=1)
+    order = np.argsort(away)
     return away[order][np.searchsorted(np.cumsum(areas[order]), 0.95 * areas.sum())]
 
 
@@ -130,8 +130,7 @@ def test_three_joints_move_one_after_another(drawn, tmp_path):
 
 def test_a_tendon_is_as_short_as_it_can_be_round_a_bone():
     bone = solids_of(*mesh_of(ball((0, 0, 0), 20.0), 2.0, 8000))
-    ends = np.array([(-60.0, 0, 5), (60.0, 0, 5)])
-    line = taut_line(*ends, [bone], 3.0)
+    line = taut_line(*np.array([(-60.0, 0, 5), (60.0, 0, 5)]), [bone], 3.0)
     assert bone.distances(line).min() > 2.9
     # Two tangents and an arc of the circle of radius 23, in the plane of the ends and the centre.
     away = np.hypot(60.0, 5.0)
@@ -168,8 +167,7 @@ def test_surfaces_and_volumes_are_written_without_a_joint(tmp_path, monkeypatch)
         names.SetValue(i, names.GetValue(i).replace("femur", "rib"))
     draft = draft_of(image, monkeypatch)
     assert "no joint was found" in draft.lacks
-    path = draft.write(tmp_path)
-    assert "[motion]" not in path.read_text()
+    assert "[motion]" not in draft.write(tmp_path).read_text()
     rows = list(csv.DictReader((tmp_path / "volumes.csv").read_text().splitlines()))
     assert {row["structure"] for row in rows} == {*draft.bones, *draft.muscles}
     for row in rows:

@@ -31,8 +31,7 @@ def test_a_smooth_muscle_has_no_findings(tmp_path):
 
 
 def test_a_jump_is_found_where_a_point_comes(tmp_path):
-    via = PathPoint("thigh", (0.08, 0.1, 0.0), only_in=("flexion", 0.3, 2.0))
-    path, found = checked(tmp_path, via)
+    path, found = checked(tmp_path, PathPoint("thigh", (0.08, 0.1, 0.0), only_in=("flexion", 0.3, 2.0)))
     jump = found.pop("length jumps")
     assert np.radians(jump.pose["flexion"]) == pytest.approx(0.3, abs=1e-4)
     at = path.lengths(TREE, {"flexion": np.array([0.2999, 0.3001])})
@@ -42,8 +41,7 @@ def test_a_jump_is_found_where_a_point_comes(tmp_path):
 
 def test_a_moment_arm_jumps_where_a_point_begins_to_move(tmp_path):
     slides = PiecewiseLinear(np.array([-0.5, 0.3, 1.5]), np.array([0.06, 0.06, 0.2]))
-    still = Polynomial([0.05])
-    via = PathPoint("thigh", (0, 0, 0), (slides, still, Polynomial([0.0])), ("flexion",) * 3)
+    via = PathPoint("thigh", (0, 0, 0), (slides, Polynomial([0.05]), Polynomial([0.0])), ("flexion",) * 3)
     path, found = checked(tmp_path, via)
     assert "length jumps" not in found
     jump = found["moment arm jumps"]
@@ -162,8 +160,7 @@ def test_fibres_that_leave_their_range_are_found_where_they_are_longest(tmp_path
 
 def test_a_check_is_read_by_programs(tmp_path):
     """JSON, and an exit code for jumps above a size."""
-    via = PathPoint("thigh", (0.08, 0.1, 0.0), only_in=("flexion", 0.3, 2.0))
-    checked(tmp_path, via)
+    checked(tmp_path, PathPoint("thigh", (0.08, 0.1, 0.0), only_in=("flexion", 0.3, 2.0)))
     call = "check", tmp_path / "leg.osim", "--out", tmp_path / "page.html", "--json", "--fail-above"
     done = vtkmuscle_(*call, "1")
     found = json.loads(done.stdout)

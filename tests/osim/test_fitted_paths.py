@@ -14,8 +14,7 @@ from vtkmuscle.opensim.muscle_paths import Cylinder, PathPoint, PointPath, momen
 
 
 def leg():
-    axis = JointAxis((0, 0, 1), IDENTITY, "hip")
-    hip = Joint("hip_joint", "pelvis", "femur", [axis], kind="pin")
+    hip = Joint("hip_joint", "pelvis", "femur", [JointAxis((0, 0, 1), IDENTITY, "hip")], kind="pin")
     knee = Joint(
         "knee_joint",
         "femur",
@@ -45,8 +44,7 @@ def test_fibres_of_one_moment_arm_are_one_group():
     knee = GRID["knee"][:, None]
     arms = np.array([0.02, 0.05, 0.02, 0.05, 0.05])
     lengths = np.array([0.1, 0.2, 0.3, 0.4, 0.5]) - arms * knee
-    groups = group_fibres(lengths, 2)
-    assert groups.tolist() == [0, 1, 0, 1, 1]
+    assert group_fibres(lengths, 2).tolist() == [0, 1, 0, 1, 1]
     assert group_fibres(lengths, 5).max() <= 4
     assert group_fibres(lengths, 1).max() == 0
 

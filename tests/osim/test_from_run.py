@@ -167,6 +167,9 @@ def test_results_are_exported_without_another_run(ran, results, tmp_path):
     path.write_text(scene + "\n# changed\n")
     with pytest.raises(ValueError, match="has changed"):
         export(results, tmp_path / "strap.osim")
+    replace(Scene.load(path), files={}).run(tmp_path / "made", frames=0, figures=False, report=False)
+    with pytest.raises(ValueError, match=r"made.scene\.toml, has changed or is missing; export a scene"):
+        export(tmp_path / "made", tmp_path / "b.osim")
     path.write_text(scene)
 
 
@@ -266,8 +269,7 @@ def test_a_hinge_is_exported_with_the_range_of_the_run(tmp_path):
     result = Scene.load(path).run(tmp_path / "out", figures=False)
     (written,) = export(tmp_path / "out", tmp_path / "tiny.osim", kind="PathActuator")
     assert np.abs(written.errors["length"]).max() < 0.1
-    tree = read_osim(tmp_path / "tiny.osim").tree
-    (coordinate,) = tree.coordinates
+    (coordinate,) = read_osim(tmp_path / "tiny.osim").tree.coordinates
     values = result.motion.coordinates[coordinate.name].values
     assert coordinate.range == pytest.approx(tuple(np.radians([values.min(), values.max()])))
     assert "<clamped>true</clamped>" in (tmp_path / "tiny.osim").read_text()

@@ -17,8 +17,8 @@ def read(tmp_path, text, encoding="utf-8"):
 
 def test_custom_joint_of_version_4_is_where_its_functions_say(tmp_path):
     tree = read(tmp_path, texts.model_4()).tree
-    q, hip = np.array([-0.7, 0.4]), tree.joints[0]
-    np.testing.assert_allclose(hip.parent_frame, frame_at((0, 0.9, 0), (0.1, 0.2, 0.3)))
+    q = np.array([-0.7, 0.4])
+    np.testing.assert_allclose(tree.joints[0].parent_frame, frame_at((0, 0.9, 0), (0.1, 0.2, 0.3)))
     expected = np.tile(np.eye(4), (2, 1, 1))
     expected[:, :3, :3] = turns(np.array([0, 0, 1.0]), q) @ turns(
         np.array([1.0, 0, 0]), 0.5 * (0.1 * q**2 + 0.2 * q)
@@ -28,8 +28,7 @@ def test_custom_joint_of_version_4_is_where_its_functions_say(tmp_path):
     expected[:, 2, 3] = PiecewiseLinear(x, y)(q)
     expected[:, 1, 3] = -0.4
     poses = tree.poses({"knee_angle": q})
-    femur = np.linalg.inv(poses["femur"])
-    np.testing.assert_allclose(femur @ poses["tibia"], expected, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.inv(poses["femur"]) @ poses["tibia"], expected, atol=1e-12)
     assert tree.coordinate("knee_angle").rest == 0.1
     assert tree.coordinate("knee_angle").range == (-2.0, 2.0)
 
@@ -141,8 +140,7 @@ def test_frames_of_one_name_belong_to_their_owners(tmp_path):
 def test_an_axis_without_a_function_stays(tmp_path):
     axes = [texts.axis("rotation1", "0 0 1", "knee_angle", "LinearFunction", texts.LINE)]
     axes.append('<TransformAxis name="translation1"><coordinates/><axis>1 0 0</axis></TransformAxis>')
-    tree = read(tmp_path, texts.model_4(axes=axes)).tree
-    assert not tree.joints[1].axes[1].at({}, 1).any()
+    assert not read(tmp_path, texts.model_4(axes=axes)).tree.joints[1].axes[1].at({}, 1).any()
 
 
 def test_paths_that_are_not_muscles_or_not_computed_are_named(tmp_path):

@@ -44,8 +44,7 @@ def muscles():
             PathPoint("tibia", (0.0, 0.02, 0.01), (spline, None, Polynomial([0.002, 0.01])), ("knee",) * 3),
         ]
     )
-    lengths = points.lengths(LEG, GRID)
-    function = fit_length(lengths, GRID)
+    function = fit_length(points.lengths(LEG, GRID), GRID)
     return [
         MuscleOut("over_points", points, {"max_isometric_force": 900.0, "optimal_fiber_length": 0.08}),
         MuscleOut("moving", moving, kind="Thelen2003Muscle"),
@@ -91,8 +90,7 @@ def test_opensim_has_the_same_lengths_and_moment_arms(tmp_path, way):
         model.realizePosition(state)
         now = {name: column[i : i + 1] for name, column in GRID.items()}
         for muscle in muscles():
-            force = opensim.PathActuator.safeDownCast(model.getForceSet().get(muscle.name))
-            theirs = force.getPath()
+            theirs = opensim.PathActuator.safeDownCast(model.getForceSet().get(muscle.name)).getPath()
             assert theirs.getLength(state) == pytest.approx(muscle.path.lengths(LEG, now)[0], abs=1e-5)
             for name in muscle.path.coordinates(LEG):
                 arm = theirs.computeMomentArm(state, coordinates.get(name))

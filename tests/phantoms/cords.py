@@ -17,5 +17,4 @@ def cord(line: Floats, radii: ArrayLike) -> Solid:
     middle = evenly(longer(line, float(given[[0, -1]].max())), 2.0 * SPACING)
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(middle, axis=0), axis=1)))
     ends = along[-1] * np.linspace(0.0, 1.0, len(given))
-    solid = thick_curve(in_space(middle), np.interp(along, ends, given), spacing=1.5)
-    return cut_ends(solid, line)
+    return cut_ends(thick_curve(in_space(middle), np.interp(along, ends, given), spacing=1.5), line)

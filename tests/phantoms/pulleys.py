@@ -192,8 +192,7 @@ def _line(above: float, middle: float, arch: float = 0.0) -> Floats:
 
 def _bones(above: float, half: float, line: Floats, slope: float = 0.0) -> dict[str, Solid]:
     """Return the bones of a muscle as wide as twice a half [mm] along a line."""
-    front = line[0, 0] - 12.0
-    upper = block((-half, front, above - slope * 2.0 * half), (half, 10, above + 22))
+    upper = block((-half, (line[0, 0] - 12.0), above - slope * 2.0 * half), (half, 10, above + 22))
     if slope:
         upper = upper.beside((0, 0, above - slope * (half - 6.0)), (-slope, 0, -1), 1.0)
     roller = rod((-half, 0, 0), (half, 0, 0), RADIUS)

@@ -61,8 +61,7 @@ def tendon_through_ring() -> Phantom:
 
 def held_length(angle: float, clearance: float = 0.0) -> float:
     """Return the length of the middle line [mm], held by the ring where the straight way leaves it."""
-    corners = _way(angle, clearance)
-    return float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
+    return float(np.linalg.norm(np.diff(_way(angle, clearance), axis=0), axis=1).sum())
 
 
 def held_moment_arm(angle: float, clearance: float = 0.0) -> float:
@@ -78,13 +77,11 @@ def straight_moment_arm(angle: float) -> float:
 def _way(angle: float, clearance: float) -> Floats:
     """Return the corners (2 or 3, 2) of the taut way: its shortest length is convex in where it crosses."""
     end = flexed(INSERTION, angle)
-    part = (ORIGIN[1] - RING[1]) / (ORIGIN[1] - end[1])
-    crossing = ORIGIN + part * (end - ORIGIN)
+    crossing = ORIGIN + ((ORIGIN[1] - RING[1]) / (ORIGIN[1] - end[1])) * (end - ORIGIN)
     allowed = HALF - clearance
     if abs(crossing[0] - RING[0]) <= allowed:
         return np.array([ORIGIN, end])
-    side = RING + np.array([np.sign(crossing[0] - RING[0]) * allowed, 0.0])
-    return np.array([ORIGIN, side, end])
+    return np.array([ORIGIN, (RING + np.array([np.sign(crossing[0] - RING[0]) * allowed, 0.0])), end])
 
 
 def _lever(corners: Floats) -> float:

@@ -61,8 +61,7 @@ def _pulled(pull: float) -> Floats:
     """Return the transform (4, 4) of the bone at the tendon's end: what it does not wind up draws it away."""
     turn = TURN * pull / PULL
     transform = rotation_about((0, 0, 0), (1, 0, 0), turn)
-    drawn = pull - MIDDLE * np.radians(turn)
-    transform[:3, 3] = in_space(drawn * flexed((0.0, -1.0), -turn)[None])[0]
+    transform[:3, 3] = in_space((pull - MIDDLE * np.radians(turn)) * flexed((0.0, -1.0), -turn)[None])[0]
     return transform
 
 

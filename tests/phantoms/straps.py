@@ -24,8 +24,7 @@ def strap(line: Floats, width: float, thickness: float) -> Solid:
     middle = in_space(evenly(longer(line, thickness), SPACING))
     across = np.linspace(-1.0, 1.0, 3)[:, None] * [(width - thickness) / 2.0, 0.0, 0.0]
     knots = middle[:, None, :] + across
-    solid = thick_sheet(knots, np.full(knots.shape[:2], thickness / 2.0), spacing=1.5)
-    return cut_ends(solid, line)
+    return cut_ends(thick_sheet(knots, np.full(knots.shape[:2], thickness / 2.0), spacing=1.5), line)
 
 
 def end_ring(centre: ArrayLike, along: ArrayLike, width: float, thickness: float) -> Floats:

@@ -53,8 +53,7 @@ class String:
         """Return how far round the points of touch are apart [rad], below 0 where the string is free."""
         a, b = self.start - self.centre, self.end - self.centre
         between = self.sense * (np.arctan2(b[1], b[0]) - np.arctan2(a[1], a[0])) % (2.0 * np.pi)
-        ends = sum(np.arccos(self.radius / np.linalg.norm(end)) for end in (a, b))
-        return float(between - ends)
+        return float(between - sum(np.arccos(self.radius / np.linalg.norm(end)) for end in (a, b)))
 
     def _tangent(self, point: Floats) -> float:
         return float(np.sqrt(np.sum((point - self.centre) ** 2) - self.radius**2))

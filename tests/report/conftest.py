@@ -14,8 +14,7 @@ from vtkmuscle.io.literature import LiteratureCurve
 @pytest.fixture(scope="session")
 def two_muscles(tmp_path_factory):
     """A scene with two muscles, of which one has published moment arms."""
-    folder = tmp_path_factory.mktemp("two")
-    scene = Scene.load(write_tiny_scene(folder))
+    scene = Scene.load(write_tiny_scene(tmp_path_factory.mktemp("two")))
     motion = replace(
         scene.motion, coordinates={"knee_angle": Coordinate(scene.motion.times, "deg", "flexion")}
     )

@@ -17,8 +17,7 @@ from vtkmuscle.report.data import Pack
 @pytest.fixture
 def packed(run_folder):
     pack = Pack()
-    scene = scene3d.scene_of(run_folder[1], pack)
-    return scene, unpacked(pack.text())
+    return scene3d.scene_of(run_folder[1], pack), unpacked(pack.text())
 
 
 def test_muscles_and_fibres_are_where_the_result_has_them(run_folder, packed):

@@ -167,8 +167,7 @@ def one_clear_error(out: Path | None) -> Iterator[None]:
             print_error(f"error: a fault of vtkmuscle: {_traceback_of(stop)}")
             raise typer.Exit(FAULT) from stop
         print_error(f"stopped. {_what_is_finished(out)}", style="yellow")
-        status = 128 + stop.args[0] if isinstance(stop, TerminatedError) else INTERRUPTED
-        raise typer.Exit(status) from None
+        raise typer.Exit(128 + stop.args[0] if isinstance(stop, TerminatedError) else INTERRUPTED) from None
 
 
 def _traceback_of(error: BaseException) -> str:
@@ -223,4 +222,4 @@ def say(quiet: bool, text: str) -> None:
 
 def print_error(text: str, *, style: str = "bold red") -> None:
     """Print a text to standard error, above progress bars."""
-    Console(stderr=True).print(text, markup=False, highlight=False, style=style, soft_wrap=True)
+    Console(stderr=True, emoji=False).print(text, markup=False, highlight=False, style=style, soft_wrap=True)

@@ -127,9 +127,7 @@ class CheckOptions:
 @shared.with_options
 def check(
     model: Annotated[Path, Argument(help="A model of OpenSim (.osim) or MuJoCo (.xml).")],
-    out: Annotated[
-        Path | None, shared.out_option("HTML", "The page. Default: MODEL_check.html here.")
-    ] = None,
+    out: Annotated[Path | None, shared.out_option("HTML", "Page. Default: MODEL_check.html here.")] = None,
     *,
     options: CheckOptions,
 ) -> None:

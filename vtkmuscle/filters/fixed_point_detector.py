@@ -136,8 +136,7 @@ class FixedPointDetector(Filter):
                 landmarks, to_bone = (area.landmarks, area.closed), solids_of(*surface).distances
                 mesh = muscle.points, muscle.triangles
                 patch = attachment_patch(*mesh, *landmarks, tolerance=self.distance, bone_distance=to_bone)
-            distances = cKDTree(area.landmarks).query(muscle.points[patch])[0]
-            yield names.index(area.bone), patch, distances
+            yield names.index(area.bone), patch, cKDTree(area.landmarks).query(muscle.points[patch])[0]
             self.report_progress((number + 1) / len(areas))
 
     def _by_distance(self, muscle: Surface, bones: Bones) -> Iterator[Claim]:

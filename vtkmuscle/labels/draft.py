@@ -249,7 +249,9 @@ def draft_of_files(
         raise InputError("", "there is no surface of a bone or a muscle", "give mesh files")
     longest = float(max(np.ptp(points_of(mesh), axis=0).max() for _, mesh in meshes.values()))
     draft.units, confidence = likely_unit(longest)
-    draft.guess("units", draft.units, confidence, f"the longest side of all surfaces is {longest:.4g}")
+    small = draft.units == "mm" and longest < SMALLEST
+    why = f"the longest side of all surfaces is {longest:.4g}{', of an animal, or a person in cm' * small}"
+    draft.guess("units", draft.units, 0.4 if small else confidence, why)
     scale = MILLIMETRES[draft.units]
     for name, (kind, mesh) in meshes.items():
         getattr(draft, f"{kind}s")[name] = with_points(mesh, scale * points_of(mesh))

@@ -117,9 +117,7 @@ class ModelCheck:
             "not_evaluated": [*self.not_checked, *self.still],
             "coordinates_without_range": list(self.not_swept),
             "not_used": list(model.not_used),
-            "findings": [
-                dict(zip(COLUMNS, each.row, strict=True)) | {"pose": each.pose} for each in self.findings
-            ],
+            "findings": [dict(zip(COLUMNS, f.row, strict=True)) | {"pose": f.pose} for f in self.findings],
         }
 
     def table(self) -> Table:
@@ -154,9 +152,7 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
     """
     model = read_mjcf(path) if Path(path).suffix.lower() == ".xml" else read_osim(path)
     if not model.paths:
-        raise InputError(
-            Path(path), "the model has no muscles or ligaments to check", "give a model with muscles"
-        )
+        raise InputError(Path(path), "the model has no muscles or ligaments", "give a model with muscles")
     winding = [name for name, each in model.paths.items() if getattr(each.path, "wraps", ())]
     if isinstance(model, MujocoModel):
         winding = []

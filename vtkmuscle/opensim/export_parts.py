@@ -224,8 +224,7 @@ class _Search:
         for each in path.cylinders:
             parts += [each.centre / SCALES[0], each.axis / SCALES[1], np.array([each.radius / SCALES[0]])]
         initial = np.concatenate(parts)
-        solution = least_squares(lambda x: self.off(path_of(x)) / SCALES[0], initial, max_nfev=40)
-        return path_of(solution.x)
+        return path_of(least_squares(lambda x: self.off(path_of(x)) / SCALES[0], initial, max_nfev=40).x)
 
 
 def _beginnings(line: Floats, body: str, after: int) -> Iterator[Cylinder]:
@@ -244,8 +243,7 @@ def _between(tree: KinematicTree, ends: Sequence[str]) -> list[str]:
     """Return the bodies between two bodies, ends included."""
     first, second = ([body, *(joint.parent for joint in tree.way_up(body))] for body in ends)
     common = next(body for body in first if body in second)
-    bodies = [*first[: first.index(common) + 1], *reversed(second[: second.index(common)])]
-    return list(dict.fromkeys(bodies))
+    return list(dict.fromkeys([*first[: first.index(common) + 1], *reversed(second[: second.index(common)])]))
 
 
 #: Default force per physiological cross-section [N/cm^2]: Rajagopal et al. 2016,

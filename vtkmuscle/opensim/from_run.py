@@ -216,10 +216,10 @@ def _run_of(source: Path, result: Result | None, options: RunOptions, named: set
     path = source
     if source.is_dir():
         result = result or Result.load(source)
-        path = Path(result.report["scene_file"])
-        if not path.is_file() or file_digest(path) != result.report["sha256"]["scene"]:
+        path = Path(result.report["scene_file"] or source / "scene.toml")  # none of a scene made in Python
+        if not path.is_file() or file_digest(path) != result.report["sha256"].get("scene"):
             problem = f"the scene of these results, {path}, has changed or is missing"
-            raise InputError(source, problem, "export the scene.toml")
+            raise InputError(source, problem, "export a scene.toml; Scene.save writes a scene made in Python")
     table, files = validated(parsed(path), path), SceneFiles(path)
     if table.mirror is not None:
         raise SceneError("mirrored scenes are not exported", "mirror", "export the other side", path)
@@ -251,9 +251,7 @@ def _run_of(source: Path, result: Result | None, options: RunOptions, named: set
     result = result or run_scene(scene, None, options)
     failed = [name for name, verdict in result.verdicts.items() if verdict == FAILED]
     if not (whole := [name for name in result.lengths if name not in failed]):
-        raise InputError(
-            source, "no muscle of the run has paths and did not fail", "see the report of the run"
-        )
+        raise InputError(source, "no muscle of the run has paths and did not fail", "see the run's report")
     if failed:
         warnings.warn(f"left out of the model: {', '.join(failed)}, failed in the run", stacklevel=4)
     poses: dict[str, _Poses] = {}
@@ -322,8 +320,7 @@ def _exported(
         mean = lengths[:, members].mean(axis=1) / 1000.0
         mean_arms = {}
         for at, unit in units.items():
-            rows = np.isin(arms[at].frames, kept)
-            mean_arms[at] = arms[at].arms[rows][:, members].mean(axis=1) / unit
+            mean_arms[at] = arms[at].arms[np.isin(arms[at].frames, kept)][:, members].mean(axis=1) / unit
         if lines is None:
             columns = {each: values[each] for each in mean_arms}
             path: FunctionPath | PointPath = fit_length(mean, columns, mean_arms)

@@ -83,8 +83,7 @@ def mjcf_of(
         yield from (element for body, element in sites if body == name)
         for joint in tree.joints:
             if joint.parent == name:
-                mass = (masses or {}).get(joint.child, LEAST_MASS)
-                yield _body(joint, inside(joint.child), joints, mass)
+                yield _body(joint, inside(joint.child), joints, (masses or {}).get(joint.child, LEAST_MASS))
 
     world = list(inside(tree.root))
     for coupling in tree.couplings:

@@ -43,9 +43,7 @@ class MuscleScene(Filter):
     """
 
     scene: Parameter[Scene | None] = Parameter(Scene, default=None, doc="The scene.")
-    muscle = Parameter(
-        str, default="", listed="muscle_names", doc="Name of the muscle; empty for the scene's first."
-    )
+    muscle = Parameter(str, default="", listed="muscle_names", doc="Name; empty for the scene's first.")
 
     surface = OutputPort(vtkPolyData, doc="The muscle, in the rest pose.")
     bones = OutputPort(vtkMultiBlockDataSet, doc="The bones by name, in the rest pose.")

@@ -127,8 +127,7 @@ def plot_lengths(
         Of the figure on paper [mm].
     """
     values = np.asarray(lengths, dtype=np.float64)
-    high = min(0.75 * width / sheets.INCH, 4.2)
-    figure = sheets.blank_figure(width / sheets.INCH, high, "constrained")
+    figure = sheets.blank_figure(width / sheets.INCH, min(0.75 * width / sheets.INCH, 4.2), "constrained")
     figure.suptitle(title, fontsize="large")
     axes = figure.subplots()
     axes.set(xlabel=time_label, ylabel=f"{of} length [mm]")

@@ -372,6 +372,6 @@ UNNAMED = ("pose", "time")
 
 def time_label(motion: RigidMotion) -> str:
     """Return the label of a motion's times: a coordinate with its unit, or one of :data:`UNNAMED`."""
-    axes, numbers = motion.coordinates.items(), np.arange(len(motion.times))
-    equal = (label_of(q, own.unit) for q, own in axes if np.array_equal(own.values, motion.times))
-    return next(equal, UNNAMED[0] if np.array_equal(motion.times, numbers) else UNNAMED[1])
+    times, axes = motion.times, motion.coordinates.items()  # values in radians are rounded
+    equal = (label_of(q, own.unit) for q, own in axes if np.allclose(own.values, times, rtol=0.0, atol=1e-9))
+    return next(equal, UNNAMED[0] if np.array_equal(times, np.arange(len(times))) else UNNAMED[1])

@@ -85,8 +85,7 @@ def test_bones_that_move_as_one_share_an_end_where_both_reach_it():
 
 def test_what_an_area_cuts_off_from_the_rest_belongs_to_it():
     """As the tip of a tendon that stands out of the bone, and a dip in the middle of an area."""
-    dip = (X == 4) & (Y == 6)
-    upper = np.where(dip, 9.0, along(2, 10) + 9.0 * (X > 10))
+    upper = np.where(((X == 4) & (Y == 6)), 9.0, along(2, 10) + 9.0 * (X > 10))
     larger, _ = ends_of({"upper": upper, "lower": along(58, 60)})
     np.testing.assert_array_equal(np.sort(points_of(larger)), np.flatnonzero(X <= 10))
 
@@ -147,8 +146,7 @@ def test_the_outline_of_a_patch_goes_round_it_once():
 
 
 def test_a_patch_without_triangles_is_its_points_in_order():
-    line = np.flatnonzero((Y == 6) & (X < 5))
-    points, closed = outline(*STRIP, line[[3, 0, 4, 2, 1]])
+    points, closed = outline(*STRIP, np.flatnonzero((Y == 6) & (X < 5))[[3, 0, 4, 2, 1]])
     assert not closed
     assert list(points[:, 0]) in ([0, 1, 2, 3, 4], [4, 3, 2, 1, 0])
 

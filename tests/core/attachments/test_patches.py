@@ -75,8 +75,7 @@ def test_the_bone_decides_between_sides_of_like_size():
 
     assert is_cap(attachment_patch(*BALL, ring, True, bone_distance=above), 95.0)
     lower = attachment_patch(*BALL, ring, True, bone_distance=below)
-    rest = np.setdiff1d(np.arange(len(BALL[0])), lower)
-    assert is_cap(rest, 95.0 - np.degrees(EDGE / RADIUS))
+    assert is_cap(np.setdiff1d(np.arange(len(BALL[0])), lower), 95.0 - np.degrees(EDGE / RADIUS))
     np.testing.assert_array_equal(lower, attachment_patch(*BALL, ring, True))
 
 
@@ -86,8 +85,7 @@ THICK = 6.0
 def slab():
     """Return a flat muscle, 60 x 30 x 6 mm, between z = 0 and z = 6."""
     sheet = pv.Box((-30.0, 30.0, -15.0, 15.0, 0.0, THICK), level=19, quads=False).clean()
-    points = np.asarray(sheet.points, dtype=np.float64)
-    return points, sheet.faces.reshape(-1, 4)[:, 1:].astype(np.int64)
+    return np.asarray(sheet.points, dtype=np.float64), sheet.faces.reshape(-1, 4)[:, 1:].astype(np.int64)
 
 
 SLAB = slab()
@@ -117,8 +115,7 @@ def test_the_patch_is_on_the_side_of_the_bone_wherever_the_landmarks_are(height)
     assert within_oval(attachment_patch(*SLAB, oval(height), True, bone_distance=beneath))
     turned = SLAB[0], SLAB[1][:, ::-1]  # inside out
     assert within_oval(attachment_patch(*turned, oval(height), True, bone_distance=beneath))
-    curve = oval(height)[:8]
-    patch = attachment_patch(*SLAB, curve, False, tolerance=3.0, bone_distance=beneath)
+    patch = attachment_patch(*SLAB, oval(height)[:8], False, tolerance=3.0, bone_distance=beneath)
     assert (SLAB[0][patch][:, 2] == 0.0).all()
 
 
@@ -153,8 +150,7 @@ def test_an_open_curve_gives_the_points_within_the_tolerance():
     patch = attachment_patch(*BALL, meridian, False, tolerance=3.0)
     assert (np.abs(BALL[0][patch][:, 2]) <= 3.0 + EDGE).all()
     x, y, z = BALL[0].T
-    core = (np.abs(z) < 3.0 - EDGE) & (x > 0) & (y > 0)
-    assert np.isin(np.flatnonzero(core), patch).all()
+    assert np.isin(np.flatnonzero((np.abs(z) < 3.0 - EDGE) & (x > 0) & (y > 0)), patch).all()
     wider = attachment_patch(*BALL, meridian, False, tolerance=6.0)
     assert np.isin(patch, wider).all()
     assert len(wider) > 1.5 * len(patch)
@@ -167,8 +163,7 @@ def test_points_and_landmarks_on_a_line_are_an_open_curve(closed, n):
     patch = attachment_patch(*BALL, line, closed)
     assert len(patch)
     np.testing.assert_array_equal(patch, attachment_patch(*BALL, line, False))
-    distances = np.linalg.norm(BALL[0][patch][:, None] - BALL[0][None, patch], axis=2)
-    assert distances.max() < 13.0 + 2 * EDGE
+    assert np.linalg.norm(BALL[0][patch][:, None] - BALL[0][None, patch], axis=2).max() < 13.0 + 2 * EDGE
 
 
 def test_the_other_face_of_a_thin_muscle_is_left_alone():

@@ -58,6 +58,5 @@ def test_crumbs_and_hollows_stay_with_the_largest_piece():
 
 
 def test_many_small_pieces_are_parts_of_the_first():
-    rods = [meshed_box((4.0 * i, 0, 0), (4.0 * i + 2.0, 2, 2), 2.0) for i in range(60)]
-    bone = Bone(*union(*rods))
+    bone = Bone(*union(*[meshed_box((4.0 * i, 0, 0), (4.0 * i + 2.0, 2, 2), 2.0) for i in range(60)]))
     assert bone.pieces == (bone,)

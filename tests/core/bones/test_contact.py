@@ -24,8 +24,7 @@ def keep_out(bones, p, *, rest=None, transforms=STILL, free=None, clearance=0.0,
     free = np.ones(len(p), dtype=bool) if free is None else free
     bones = dict(enumerate(bones)) if isinstance(bones, list) else {0: bones}
     contact = BoneContact(bones, rest, free, clearance)
-    moved = PoseContact(contact, transforms, [], np.zeros(3) if centre is None else centre).keep_out(p)
-    return p, moved
+    return p, PoseContact(contact, transforms, [], np.zeros(3) if centre is None else centre).keep_out(p)
 
 
 def on_unit_sphere(rng, count):
@@ -95,8 +94,7 @@ def test_fixed_points_stay_and_bring_no_bone_near(globe):
 
 def test_points_in_two_bones_leave_both():
     bones = [Bone(*box((-5, -5, -5), (5, 5, 5))), Bone(*box((4.0, -5, -5), (20, 5, 5)))]
-    transforms = np.tile(np.eye(4), (2, 1, 1))
-    p, _ = keep_out(bones, [[4.5, 0.0, 4.8], [4.6, 0.0, -4.9]], transforms=transforms)
+    p, _ = keep_out(bones, [[4.5, 0.0, 4.8], [4.6, 0.0, -4.9]], transforms=np.tile(np.eye(4), (2, 1, 1)))
     for bone in bones:
         assert bone.depth(p).max() < 0.1
 

@@ -115,8 +115,7 @@ def test_fibres_that_leave_are_bent_inside_and_others_stay(plates):
 
 def plate(count, *, first=0, sides=(30.0, 10.0), lift=0.0):
     """Return positions of even density on a rectangle."""
-    u = sobol(count, 2, first=first)
-    return np.column_stack([u * sides, np.full(count, lift)])
+    return np.column_stack([sobol(count, 2, first=first) * sides, np.full(count, lift)])
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 50, 333])
@@ -139,8 +138,7 @@ def total(starts, ends, goes_with):
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 60), flat=st.booleans())
 def test_the_sum_of_squares_is_the_least(seed, n, flat):
-    rng = np.random.default_rng(seed)
-    starts, ends = rng.normal(size=(2, n, 3)) * [10.0, 3.0, 0.0 if flat else 1.0]
+    starts, ends = np.random.default_rng(seed).normal(size=(2, n, 3)) * [10.0, 3.0, 0.0 if flat else 1.0]
     goes_with = matched_ends(starts, ends + np.array([0.0, 0.0, 40.0]))
     best = linear_sum_assignment(cdist(starts, ends, "sqeuclidean"))[1]
     assert sorted(goes_with) == list(range(n))

@@ -18,8 +18,7 @@ FACES = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]])
 def block():
     points = np.vstack([np.column_stack([OUTLINE, np.full(6, z)]) for z in (0.0, 10.0)])
     sides = [[[i, (i + 1) % 6, (i + 1) % 6 + 6], [i, (i + 1) % 6 + 6, i + 6]] for i in range(6)]
-    triangles = np.vstack([FACES[:, ::-1], FACES + 6, np.reshape(sides, (-1, 3))])
-    return points, triangles.astype(np.int64)
+    return points, np.vstack([FACES[:, ::-1], FACES + 6, np.reshape(sides, (-1, 3))]).astype(np.int64)
 
 
 def reference(points, triangles, query):
@@ -58,8 +57,7 @@ def test_weights_sum_to_one_and_reproduce_their_point_inside_and_outside(query):
 def test_on_triangles_edges_and_vertices_the_weights_are_barycentric(triangle, a, b):
     points, triangles = block()
     bary = np.array([1 - a, a * (1 - b), a * b])
-    query = bary @ points[triangles[triangle]]
-    w = mean_value_coordinates(points, triangles, query[None])[0]
+    w = mean_value_coordinates(points, triangles, (bary @ points[triangles[triangle]])[None])[0]
     expected = np.zeros(len(points))
     expected[triangles[triangle]] = bary
     assert_allclose(w, expected, atol=1e-10)
@@ -68,12 +66,10 @@ def test_on_triangles_edges_and_vertices_the_weights_are_barycentric(triangle, a
 @pytest.mark.parametrize("height", [3.0, 1e-1, 1e-3, 1e-5, 1e-6])
 def test_near_the_plane_of_a_triangle_no_digits_are_lost(height):
     points, triangles = block()
-    rng = np.random.default_rng(1)
-    queries = rng.uniform(-15, 35, (40, 3))
+    queries = np.random.default_rng(1).uniform(-15, 35, (40, 3))
     queries[:, 0] = 8.0 + height  # the plane of the concave side: inside of the muscle, or outside of it
     ours = mean_value_coordinates(points, triangles, queries)
-    expected = [reference(points, triangles, q) for q in queries]
-    assert_allclose(ours, expected, atol=3e-11)
+    assert_allclose(ours, [reference(points, triangles, q) for q in queries], atol=3e-11)
 
 
 def test_triangles_without_area_and_unused_points_change_nothing():
@@ -81,8 +77,7 @@ def test_triangles_without_area_and_unused_points_change_nothing():
     queries = np.random.default_rng(6).uniform(1, 7, (10, 3))
     before = mean_value_coordinates(points, triangles, queries)
     more_points = np.vstack([points, [[100.0, 0, 0]]])
-    more = np.vstack([triangles, [[0, 0, 1], [3, 3, 3]]])
-    after = mean_value_coordinates(more_points, more, queries)
+    after = mean_value_coordinates(more_points, np.vstack([triangles, [[0, 0, 1], [3, 3, 3]]]), queries)
     assert_allclose(after[:, :-1], before, atol=1e-12)
     assert_allclose(after[:, -1], 0, atol=1e-12)
 
@@ -114,8 +109,7 @@ def test_transport_follows_an_affine_map_exactly(ball):
     queries = np.random.default_rng(8).uniform(-12, 12, (30, 3))
     weights = mean_value_coordinates(points, triangles, queries)
     matrix, shift = np.array([[1.0, 0.3, 0], [0, 0.7, 0.2], [0.1, 0, 1.4]]), np.array([3.0, 4.0, -5.0])
-    moved = transport(weights, points @ matrix.T + shift)
-    assert_allclose(moved, queries @ matrix.T + shift, atol=1e-11)
+    assert_allclose(transport(weights, points @ matrix.T + shift), queries @ matrix.T + shift, atol=1e-11)
 
 
 def test_far_from_the_origin_transport_loses_no_digits(ball):
@@ -139,13 +133,11 @@ def mesh():
     centre, rng = points.mean(axis=0), np.random.default_rng(3)
     inside = centre + (points[rng.integers(0, len(points), 120)] - centre) * rng.uniform(0, 0.95, (120, 1))
     on = points[triangles[:20]].mean(axis=1)
-    outside = centre + (points[:20] - centre) * 1.3
-    return points, triangles, np.vstack([inside, on, points[:5], outside])
+    return points, triangles, np.vstack([inside, on, points[:5], (centre + (points[:20] - centre) * 1.3)])
 
 
 def bent(points):
-    centred = points - points.mean(axis=0)
-    return points + 0.003 * centred[:, 2:] ** 2 * [1.0, 0.5, 0.0]
+    return points + 0.003 * (points - points.mean(axis=0))[:, 2:] ** 2 * [1.0, 0.5, 0.0]
 
 
 def test_without_a_threshold_all_weights_are_kept(mesh):

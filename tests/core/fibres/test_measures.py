@@ -151,8 +151,7 @@ def test_the_grain_of_fibres_of_many_points_is_no_turn(rng):
 
 
 def test_fibres_much_longer_than_their_spacing_leave_nothing_bare_between_stations(rng):
-    long = sheet() * [1.0, 1.0, 10.0]
-    assert found(long, inside(rng, high=(19.0, 7.0, 600.0))).bare == 0.0
+    assert found((sheet() * [1.0, 1.0, 10.0]), inside(rng, high=(19.0, 7.0, 600.0))).bare == 0.0
 
 
 def test_a_half_without_fibres_is_bare(rng):
@@ -221,7 +220,6 @@ def test_the_volume_between_two_arcs_counts_parts_of_pieces():
 
 def test_a_curve_goes_on_straight_beyond_its_ends():
     curve = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 10.0], [10.0, 0.0, 10.0]])
-    places = np.array([[1.0, 0.0, -3.0], [2.0, 0.0, 4.0], [14.0, 1.0, 9.0]])
-    arcs, directions = along(curve, places)
+    arcs, directions = along(curve, np.array([[1.0, 0.0, -3.0], [2.0, 0.0, 4.0], [14.0, 1.0, 9.0]]))
     np.testing.assert_allclose(arcs, [-3.0, 4.0, 24.0])
     np.testing.assert_allclose(directions, [[0, 0, 1], [0, 0, 1], [1, 0, 0]])

@@ -43,13 +43,11 @@ def test_a_fibre_by_itself_goes_to_the_middle_of_the_muscle(samples):
 def test_fibres_that_are_spread_evenly_stay(samples):
     x, y = np.meshgrid(2.5 + 5.0 * np.arange(4), 2.5 + 5.0 * np.arange(6))
     points, offsets = along_z(np.column_stack([x.ravel(), y.ravel()]))
-    steps = steps_to_centres(points, offsets, cloud(samples))
-    assert np.linalg.norm(steps, axis=1).max() < 0.35
+    assert np.linalg.norm(steps_to_centres(points, offsets, cloud(samples)), axis=1).max() < 0.35
 
 
 def test_crowded_fibres_come_to_fill_the_box(samples):
-    rng = np.random.default_rng(0)
-    points, offsets = along_z(BOX[:2] / 2 + rng.normal(size=(30, 2)))
+    points, offsets = along_z(BOX[:2] / 2 + np.random.default_rng(0).normal(size=(30, 2)))
     ideal = 1.006 * np.sqrt(BOX[0] * BOX[1] / (2 * np.sqrt(3) * 30))
     assert farthest(points, samples) > 3.0 * ideal
     assert farthest(relaxed(points, offsets, samples, 30), samples) < 1.4 * ideal
@@ -71,13 +69,11 @@ def test_how_many_points_a_fibre_has_does_not_matter(samples, n_points):
     expected = steps_to_centres(*along_z(feet, 16), cloud(samples))[[0, 15, 16, 31, 32, 47]]
     points, offsets = along_z(feet, n_points)
     steps = steps_to_centres(points, offsets, cloud(samples))
-    at_ends = np.sort(np.r_[offsets[:-1], offsets[1:] - 1])
-    assert_allclose(steps[at_ends], expected, atol=1e-9)
+    assert_allclose(steps[np.sort(np.r_[offsets[:-1], offsets[1:] - 1])], expected, atol=1e-9)
 
 
 def test_fibres_without_length_and_in_one_point_give_finite_steps(samples):
-    points = np.tile([[1.0, 2.0, 3.0]], (8, 1))
-    steps = steps_to_centres(points, np.array([0, 4, 8]), cloud(samples))
+    steps = steps_to_centres(np.tile([[1.0, 2.0, 3.0]], (8, 1)), np.array([0, 4, 8]), cloud(samples))
     assert np.isfinite(steps).all()
 
 
@@ -94,8 +90,7 @@ def bent(radius=26.0):
 
 def test_a_bend_that_all_fibres_have_keeps_its_radius():
     fibres = bent()
-    smoothed = smooth_about_course(fibres, OFFSETS, 4.0, 5)
-    assert_allclose(smoothed, fibres, atol=1e-9)
+    assert_allclose(smooth_about_course(fibres, OFFSETS, 4.0, 5), fibres, atol=1e-9)
     plain = smooth_polylines(fibres, OFFSETS, 4.0, 5)
     assert np.hypot(plain[:, 1], plain[:, 2]).min() < 25.7  # that is what it is for
 
@@ -104,8 +99,7 @@ def test_what_each_fibre_does_alone_is_smoothed_as_before(rng):
     noise = rng.normal(size=(8, SEGMENTS + 1, 3))
     noise -= noise.mean(axis=0)
     noise[:, [0, -1]] = 0.0
-    fibres = bent() + noise.reshape(-1, 3)
-    smoothed = smooth_about_course(fibres, OFFSETS, 4.0, 5) - bent()
+    smoothed = smooth_about_course((bent() + noise.reshape(-1, 3)), OFFSETS, 4.0, 5) - bent()
     assert_allclose(smoothed, smooth_polylines(noise.reshape(-1, 3), OFFSETS, 4.0, 5), atol=1e-9)
 
 

@@ -125,8 +125,7 @@ def test_fibres_that_run_from_area_to_area_are_left_as_they_are():
         area(lambda p: (p[:, 0] < -5) & (p[:, 2] <= 40), 40.0),
         area(lambda p: (p[:, 0] > 5) & (p[:, 2] >= 60), 60.0),
     )
-    result = trimmed(lines, origin=sides[0], insertion=sides[1])
-    assert_allclose(result, lines, atol=1e-9)
+    assert_allclose(trimmed(lines, origin=sides[0], insertion=sides[1]), lines, atol=1e-9)
 
 
 def test_the_ends_stay_on_the_areas_where_these_are_not_in_the_muscle():
@@ -161,8 +160,7 @@ def test_new_segments_stay_in_the_muscle_even_beside_a_hollow():
     lines = parallel(12, 41, radius=1.0)
     # The fibres go around it, and end too far below the face to be on it.
     lines *= [1, 1, 0.97]
-    z = lines[:, :, 2]
-    away = 7.0 * np.clip((z - 62) / 8, 0, 1)
+    away = 7.0 * np.clip((lines[:, :, 2] - 62) / 8, 0, 1)
     turn = np.arctan2(lines[:, 0, 1], lines[:, 0, 0])
     lines[:, :, 0] += away * np.cos(turn)[:, None]
     lines[:, :, 1] += away * np.sin(turn)[:, None]
@@ -242,14 +240,11 @@ def test_no_point_of_the_triangles_is_closer_to_the_ray(seed):
     corners = rng.normal(size=(5, 3, 3)) + rng.normal(scale=2.0, size=3)
     start, ahead = rng.normal(size=3), rng.normal(size=3)
     ahead /= np.linalg.norm(ahead)
-    tree = triangle_tree(corners.reshape(-1, 3), np.arange(15).reshape(5, 3))
-    found = closest_to_ray(start, ahead, tree)
-    weights = rng.dirichlet([0.6, 0.6, 0.6], (5, 4000))
-    sampled = np.einsum("mks,msd->mkd", weights, corners).reshape(-1, 3)
+    found = closest_to_ray(start, ahead, triangle_tree(corners.reshape(-1, 3), np.arange(15).reshape(5, 3)))
+    sampled = np.einsum("mks,msd->mkd", rng.dirichlet([0.6, 0.6, 0.6], (5, 4000)), corners).reshape(-1, 3)
     least = distance_to_ray(sampled, start, ahead).min()
     assert distance_to_ray(found[None], start, ahead)[0] <= least + 1e-9
-    nearest = np.linalg.norm(sampled - found, axis=1).min()
-    assert nearest < 0.3  # it is on a triangle
+    assert np.linalg.norm(sampled - found, axis=1).min() < 0.3  # it is on a triangle
 
 
 def plate(height):

@@ -37,9 +37,8 @@ def test_linear_functions_in_the_plane_are_harmonic():
     points, triangles = grid(8, 8)
     border = np.flatnonzero((points[:, :2] == 0).any(axis=1) | (points[:, :2] == 8).any(axis=1))
     wanted = points[:, :1] * 2.0 - points[:, 1:2] + 3.0
-    found = harmonic_extension(points, triangles, border, wanted[border])
     # Diagonal edges have cotangent weight 0, which is raised to its lower bound: by symmetry no change.
-    assert np.allclose(found, wanted, atol=1e-9)
+    assert np.allclose(harmonic_extension(points, triangles, border, wanted[border]), wanted, atol=1e-9)
 
 
 def test_weights_are_a_partition_of_unity():
@@ -52,8 +51,7 @@ def test_weights_are_a_partition_of_unity():
     assert np.allclose(weights.sum(axis=1), 1.0, atol=1e-14)
     for column, bone in enumerate(bones):
         assert np.array_equal(weights[fixed_to == bone, column], np.ones((fixed_to == bone).sum()))
-    middle = (fixed_to < 0) & (weights > 1e-6).all(axis=1)
-    assert middle.any()
+    assert ((fixed_to < 0) & (weights > 1e-6).all(axis=1)).any()
 
 
 def test_part_without_fixed_points_takes_the_mean():
@@ -64,8 +62,7 @@ def test_part_without_fixed_points_takes_the_mean():
     )  # the last point is in no triangle
     fixed = np.concatenate([fixed_to, np.full(n + 1, -1)])
     _, weights = harmonic_weights(both, np.vstack([triangles, triangles + n]), fixed)
-    share = np.mean(fixed_to[fixed_to >= 0] == np.array([[0], [1]]), axis=1)
-    assert np.allclose(weights[n:], share)
+    assert np.allclose(weights[n:], np.mean(fixed_to[fixed_to >= 0] == np.array([[0], [1]]), axis=1))
     assert np.allclose(weights[:n], harmonic_weights(points, triangles, fixed_to)[1])
 
 

@@ -18,8 +18,7 @@ SAGITTA = 0.03
 
 def contact(n, *, allowance=0.0, free=None, centre=(0.0, 0.0, 0.0)):
     free = np.ones(n, dtype=bool) if free is None else free
-    neighbour = Neighbour(BALL, np.full(n, allowance))
-    return MuscleContact([neighbour], free, np.asarray(centre, dtype=float))
+    return MuscleContact([Neighbour(BALL, np.full(n, allowance))], free, np.asarray(centre, dtype=float))
 
 
 def directions(seed, n):

@@ -81,8 +81,7 @@ def test_segments_are_those_within_lines_and_none_from_line_to_line():
 
 
 def test_distances_are_the_least_over_all_of_the_segment():
-    rng = np.random.default_rng(0)
-    points, a, b = rng.normal(size=(3, 50, 3))
+    points, a, b = np.random.default_rng(0).normal(size=(3, 50, 3))
     shares = np.linspace(0.0, 1.0, 20_001)[:, None]
     along = [
         np.linalg.norm(p - (1 - shares) * s - shares * e, axis=1).min()

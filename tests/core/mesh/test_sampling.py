@@ -24,8 +24,7 @@ def nearest_other(places):
 
 def test_dense_samples_are_on_the_triangles_between_the_points_and_nowhere_else():
     points, triangles = sheet()
-    patch = np.flatnonzero(points[:, 0] <= 20)
-    samples = PatchSamples(points, triangles, patch).dense(1000)
+    samples = PatchSamples(points, triangles, np.flatnonzero(points[:, 0] <= 20)).dense(1000)
     assert len(samples) >= 1000
     assert samples.min() >= 0
     assert samples[:, 0].max() <= 20
@@ -62,8 +61,7 @@ def test_even_samples_are_the_same_at_each_size(rng, scale):
 
 
 def test_even_samples_of_few_candidates_repeat_them():
-    candidates = np.arange(9.0).reshape(3, 3)
-    samples = even_samples(candidates, 7)
+    samples = even_samples(np.arange(9.0).reshape(3, 3), 7)
     assert len(samples) == 7
     assert len(np.unique(samples, axis=0)) == 3
 

@@ -52,8 +52,7 @@ def test_stretches_are_the_singular_values_of_the_map_of_each_triangle(rng):
 @given(shift=st.tuples(*[st.floats(-1e6, 1e6)] * 3), angle=st.floats(-360, 360), scale=st.floats(1e-3, 1e3))
 def test_volume_is_that_of_the_moved_surface_and_grows_with_the_cube_of_its_size(shift, angle, scale):
     points, triangles = box((0, 0, 0), (2, 3, 5), 1.0)
-    turned = apply_transform(rotation_about((1, 1, 1), (1, 2, 3), angle), points)
-    moved = scale * turned + np.array(shift)
+    moved = scale * apply_transform(rotation_about((1, 1, 1), (1, 2, 3), angle), points) + np.array(shift)
     assert signed_volume(moved, triangles) == pytest.approx(30 * scale**3, rel=1e-5)
 
 
@@ -93,12 +92,10 @@ def test_survey_of_a_tetrahedron_with_a_fault(triangles, facts):
 
 
 def test_boundary_and_crowded_edges_have_no_quadruple():
-    square = np.array([[0, 1, 2], [0, 2, 3]])
-    topology = mesh_topology(4, square)
+    topology = mesh_topology(4, np.array([[0, 1, 2], [0, 2, 3]]))
     assert topology.n_boundary_edges == 4
     assert topology.quads.tolist() == [[2, 0, 1, 3]]
-    book = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]])
-    assert mesh_topology(5, book).quads.shape == (0, 4)
+    assert mesh_topology(5, np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]])).quads.shape == (0, 4)
 
 
 def test_triangles_with_a_repeated_point_take_no_part():

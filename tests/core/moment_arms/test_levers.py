@@ -41,8 +41,7 @@ def of_straight(points, twist):
     """Return the levers of straight paths as the bone of their ends moves."""
     # There is nothing between their ends that bones could press on, or that could give way.
     stays = np.zeros(len(points), dtype=np.int64)
-    twists = np.array([[np.zeros(6), twist]])
-    return straight_levers(points, stays, twists)[0]
+    return straight_levers(points, stays, np.array([[np.zeros(6), twist]]))[0]
 
 
 def straight_levers(points, stays, twists):
@@ -113,8 +112,7 @@ def test_a_slide_has_the_part_of_the_pull_along_it():
 
 def test_the_way_from_rest_to_a_sweep_has_no_levers():
     lead = np.array([rotation_about(CENTRE, [0.0, 0.0, 1.0], angle) for angle in (30.0, 20.0, 10.0)])
-    sweep = hinge("shank", CENTRE, AXIS, ANGLES)
-    table = np.concatenate([lead, sweep.transforms["shank"]])
+    table = np.concatenate([lead, hinge("shank", CENTRE, AXIS, ANGLES).transforms["shank"]])
     values = np.concatenate([[10.0, 6.0, 3.0], ANGLES])
     motion = RigidMotion(np.arange(len(table)), {"shank": table}, CENTRE, {"knee": Coordinate(values)})
     lengths, levers, ends = straight(motion)
@@ -198,8 +196,7 @@ def test_coordinates_that_change_together_have_levers_only_where_the_joint_is_kn
 def test_a_coordinate_that_never_changes_alone_is_refused_and_the_other_is_not():
     # Flexion alone, then both together.
     flexion = np.concatenate([np.arange(0.0, 31.0, 5.0), np.arange(35.0, 56.0, 5.0)])
-    abduction = np.concatenate([np.zeros(7), np.arange(5.0, 26.0, 5.0)])
-    motion = as_table(of_ball(flexion, abduction))
+    motion = as_table(of_ball(flexion, np.concatenate([np.zeros(7), np.arange(5.0, 26.0, 5.0)])))
     lengths, levers, ends = straight(motion)
     arms, refused = joint_arms(lengths, levers, motion)
     assert "changes only together with flexion" in refused["abduction"]
@@ -244,8 +241,7 @@ def test_differences_of_a_parabola_are_its_slopes(values, bend):
 
 def test_a_sweep_that_comes_back_is_taken_from_the_poses_next_to_each():
     values = np.concatenate([np.arange(0.0, 5.0), np.arange(3.0, -1.0, -1.0)])
-    motion = RigidMotion(np.arange(9.0), {}, None, {"q": Coordinate(values, "rad")})
-    near = differences_by(motion, "q")
+    near = differences_by(RigidMotion(np.arange(9.0), {}, None, {"q": Coordinate(values, "rad")}), "q")
     assert near.neighbours[2].tolist() == [1, 3]
     assert near.neighbours[6].tolist() == [7, 5]
 

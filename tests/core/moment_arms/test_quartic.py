@@ -10,8 +10,7 @@ from vtkmuscle.phantoms.one_hinge import RADIUS, THICKNESS, strap_length
 def test_the_sign_is_that_of_the_strap_that_is_wound_up():
     """It lengthens with the angle: the moment arm is negative, the radius of its middle line in size."""
     angles = np.arange(-60.0, 81.0, 2.0)
-    lengths = np.array([[strap_length(angle)] for angle in angles])
-    arms, _ = quartic_moment_arms(lengths, np.radians(angles))
+    arms, _ = quartic_moment_arms(np.array([[strap_length(angle)] for angle in angles]), np.radians(angles))
     np.testing.assert_allclose(arms, -(RADIUS + THICKNESS / 2.0), rtol=1e-9)
 
 

@@ -84,8 +84,7 @@ def test_fibres_of_a_muscle_bent_by_180_degrees_have_their_known_lengths(half_tu
 
 def test_fibres_of_a_muscle_bent_in_an_s_have_their_known_lengths(double_bend):
     transform, cube, fibres = morphed(double_bend, resolution=30)
-    side = np.where(fibres[..., 0] < 0, -1.0, 1.0)
-    outward = np.hypot(fibres[..., 0] - 50 * side, fibres[..., 2]) - 50
+    outward = np.hypot(fibres[..., 0] - 50 * np.where(fibres[..., 0] < 0, -1.0, 1.0), fibres[..., 2]) - 50
     halves = [outward[:, :14].mean(axis=1), outward[:, 17:].mean(axis=1)]
     # What is outside in one bend is inside in the other: all fibres are equally long.
     assert np.abs(halves[0] + halves[1]).max() < 0.2 * RADIUS
@@ -102,8 +101,7 @@ def test_fibres_end_on_the_areas_and_are_inside(half_turn):
         assert igl.point_mesh_squared_distance(fibres[:, end], points, disc)[0].max() < 1e-18
     assert (fibres[:, 0, 0] > 0).all()
     assert (fibres[:, -1, 0] < 0).all()
-    inner = fibres[:, 1:-1].reshape(-1, 3)
-    assert (igl.winding_number(points, triangles, inner) > 0.5).all()
+    assert (igl.winding_number(points, triangles, fibres[:, 1:-1].reshape(-1, 3)) > 0.5).all()
 
 
 def test_neighbours_stay_neighbours_at_every_isoline(double_bend):
@@ -147,5 +145,4 @@ def test_areas_on_two_separate_parts_are_refused(half_turn):
     field = attachment_field(twice, both, origin, insertion)
     transform, cube = fitted(points, origin, insertion)
     one = by_isolines(cube, transform, (points, triangles), field[:n]).points
-    two = by_isolines(cube, transform, (twice, both), field).points
-    assert np.allclose(one, two)
+    assert np.allclose(one, by_isolines(cube, transform, (twice, both), field).points)

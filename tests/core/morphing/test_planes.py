@@ -87,16 +87,14 @@ def test_fibres_are_inside_and_keep_their_heights(banana, kind):
 def test_neighbours_stay_neighbours_and_do_not_turn_about_each_other(banana):
     points, triangles = banana
     corners = np.array([(0.25, 0.25), (0.75, 0.25), (0.75, 0.75), (0.25, 0.75)])
-    cube = TEMPLATES["parallel"].fibres(*corners.T, np.linspace(0, 1, 40))
-    fibres = morph(points, triangles, cube)
+    fibres = morph(points, triangles, TEMPLATES["parallel"].fibres(*corners.T, np.linspace(0, 1, 40)))
     turned = [np.unwrap(np.angle((f[1:-1, :2] - fibres[:, 1:-1, :2].mean(axis=0)) @ [1, 1j])) for f in fibres]
     assert np.ptp(turned, axis=1).max() < np.radians(15)
 
 
 def test_fibres_stay_in_the_head_that_holds_most(forked):
     points, triangles = forked
-    cube = template("parallel", 40, 25)
-    fibres = morph(points, triangles, cube)
+    fibres = morph(points, triangles, template("parallel", 40, 25))
     low = fibres[..., 2] < 40
     assert low.any()
     assert (fibres[low][:, 0] < 0).all()

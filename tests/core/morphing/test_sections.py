@@ -48,8 +48,7 @@ def length(loop):
 
 
 def loops_by_vtk(points, triangles, level):
-    plane = vtkPlane(origin=(0, 0, level), normal=(0, 0, 1))
-    cutter = vtkPolyDataPlaneCutter(plane=plane)
+    cutter = vtkPolyDataPlaneCutter(plane=vtkPlane(origin=(0, 0, level), normal=(0, 0, 1)))
     cutter.SetInputData(surface_from(points, triangles))
     stripper = vtkStripper(join_contiguous_segments=True)
     stripper.SetInputConnection(cutter.GetOutputPort())
@@ -98,8 +97,7 @@ def test_a_level_through_points_and_edges_gives_one_loop_of_their_points():
     level = np.unique(points[:, 2].round(12))[5]
     on_level = np.flatnonzero(np.abs(points[:, 2] - level) < 1e-9)
     points[on_level, 2] = level
-    sections = cut(points, triangles, [level])
-    (loop,) = loops(sections, 0)
+    (loop,) = loops(cut(points, triangles, [level]), 0)
     assert {tuple(p) for p in loop} == {tuple(p) for p in points[on_level]}
     assert area(loop) > 0
 
@@ -127,8 +125,7 @@ def two_legs():
 def test_parts_say_which_loops_the_surface_joins():
     points, triangles = two_legs()
     sections = cut(points, triangles, [-2.0, -0.5, 0.5, 2.0])
-    counts = [len(sections.loops_of(i)) for i in range(4)]
-    assert counts == [1, 2, 2, 1]
+    assert [len(sections.loops_of(i)) for i in range(4)] == [1, 2, 2, 1]
     (bottom,), lower, upper, (top,) = (list(sections.loops_of(i)) for i in range(4))
     above, below = sections.parts_above, sections.parts_below
     assert all(above[bottom] == below[leg] for leg in lower)
@@ -144,16 +141,14 @@ def test_parts_say_which_loops_the_surface_joins():
 
 def test_loops_of_isolated_extrema_are_left_out_and_do_not_cut():
     points, triangles = sphere()
-    top = points[:, 2].max()
-    sections = cut(points, triangles, [top])
+    sections = cut(points, triangles, [points[:, 2].max()])
     assert len(sections.loop_offsets) == 1
     assert len(np.unique(sections.vertex_parts)) == 1
 
 
 def test_isolines_of_any_function_on_the_points():
     points, triangles = sphere()
-    sections = cut(points, triangles, [0.7], values=np.linalg.norm(points - [0, 0, 1], axis=1))
-    (loop,) = loops(sections, 0)
+    (loop,) = loops(cut(points, triangles, [0.7], values=np.linalg.norm(points - [0, 0, 1], axis=1)), 0)
     assert np.ptp(np.linalg.norm(loop - [0, 0, 1], axis=1)) < 0.02
     # The function grows downwards: seen from above, the other way round.
     assert area(loop) < 0

@@ -61,8 +61,7 @@ def test_parts_of_a_screw_add_up_to_the_whole(angle):
     end = move @ start
     (part,) = screws_between(start[None], end[None], 0.25)
     assert are_rigid(part)
-    quarter = part @ inverse(start)
-    assert np.allclose(np.linalg.matrix_power(quarter, 4), move, atol=1e-9)
+    assert np.allclose(np.linalg.matrix_power((part @ inverse(start)), 4), move, atol=1e-9)
     assert np.allclose(screws_between(start[None], end[None], 0.0), start)
     assert np.array_equal(screws_between(start[None], end[None], 1.0), end[None])
 
@@ -86,8 +85,7 @@ def test_random_matrices_and_mirrored_ones():
 @pytest.mark.parametrize("stretch", [[1.0, 1, 1], [1e-6, 1e3, 2.0], [3.0, 2.0, 0.0], [1e150, 1e149, 1e148]])
 def test_a_stretched_rotation_is_found_again(stretch):
     turn, axes = (Rotation.from_rotvec(v).as_matrix() for v in ([0.4, -1.9, 0.8], [1.0, 0.2, -0.5]))
-    matrix = turn @ axes @ np.diag(stretch) @ axes.T
-    assert_allclose(rotation_of(matrix), turn, atol=1e-9)
+    assert_allclose(rotation_of(turn @ axes @ np.diag(stretch) @ axes.T), turn, atol=1e-9)
 
 
 @pytest.mark.parametrize("matrix", [np.zeros((3, 3)), np.outer([1, 2, 3], [3, 1, 2]), np.ones((3, 3))])

@@ -36,8 +36,7 @@ def rectangle(low, high):
 
 def fit(points, origin, insertion, axis=None, angle_step=5.0, areas=PARALLEL):
     axis = centroid_axis(origin, insertion) if axis is None else axis
-    ends = (origin, insertion)
-    return fit_box(points, axis, landmarks=ends, areas=areas, angle_step=angle_step)
+    return fit_box(points, axis, landmarks=(origin, insertion), areas=areas, angle_step=angle_step)
 
 
 def ends(points):
@@ -48,11 +47,9 @@ def ends(points):
 def test_a_block_is_met_exactly():
     points = block()
     for seed in range(4):
-        move = rigid(np.random.default_rng(seed))
-        moved = apply_transform(move, points)
+        moved = apply_transform(rigid(np.random.default_rng(seed)), points)
         found = fit(moved, moved[points[:, 2] == 0], moved[points[:, 2] == SIDES[2]])
-        sides = np.linalg.norm(found.transform[:3, :3], axis=0)
-        assert np.allclose(np.sort(sides), SIDES, atol=1e-9)
+        assert np.allclose(np.sort(np.linalg.norm(found.transform[:3, :3], axis=0)), SIDES, atol=1e-9)
         # The template's corners are points of the block.
         assert found.error < 1e-9
 

@@ -73,8 +73,7 @@ def test_any_number_of_sobol_points_without_a_warning(n):
 
 
 def test_a_power_of_two_of_sobol_points_puts_one_in_each_cell():
-    cells = np.floor(sobol_points(64) * [8, 8]).astype(int)
-    assert len(np.unique(cells, axis=0)) == 64
+    assert len(np.unique(np.floor(sobol_points(64) * [8, 8]).astype(int), axis=0)) == 64
     assert np.allclose(np.sort(sobol_points(64), axis=0), (np.arange(64)[:, None] + 0.5) / 64)
 
 
@@ -108,8 +107,7 @@ def test_every_kind_can_be_written_to_a_file_and_read_again(kind, suffix, tmp_pa
 def test_a_file_of_one_part_needs_no_parts(tmp_path):
     file = tmp_path / "strap.toml"
     file.write_text(STRAP)
-    template = read_template(file)
-    assert np.array_equal(template.fibres([0.0], [0.5], [0.0, 0.5, 1.0])[0, 1], [0.15, 0.5, 0.5])
+    assert np.array_equal(read_template(file).fibres([0.0], [0.5], [0.0, 0.5, 1.0])[0, 1], [0.15, 0.5, 0.5])
 
 
 def strap(**changes):

@@ -135,8 +135,7 @@ def _neighbours(middle: Floats) -> Ints:
     count = min(SIDES, len(middle) - 1)
     nearest = cKDTree(middle).query(middle, range(1, count + 2))[1]
     # The fibre itself is among the nearest, though not always first among coincident fibres.
-    others = [row[row != number][:count] for number, row in enumerate(nearest)]
-    return np.array(others, dtype=np.int64)
+    return np.array([row[row != number][:count] for number, row in enumerate(nearest)], dtype=np.int64)
 
 
 def _spacing(lines: Floats, offsets: Ints, points: Floats, samples: Floats, volume: float) -> float:

@@ -140,8 +140,7 @@ class Parameter(Declaration, Generic[T]):
         try:
             return self._converted(value)
         except (TypeError, ValueError, OverflowError):
-            problem = f"{self.name} is {quoted(value)}, but must be {self.allowed}"
-            raise InputError(owner, problem) from None
+            raise InputError(owner, f"{self.name} is {quoted(value)}, but must be {self.allowed}") from None
 
     def _converted(self, value: Any) -> Any:
         if value is None and self.default is None:

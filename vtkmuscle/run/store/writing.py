@@ -104,8 +104,7 @@ def scene_file(scene: SceneData) -> str | None:
 
 def digests(scene: SceneData) -> dict[str, str]:
     """Return the digests of a scene's source files by key."""
-    files = scene.files.items()
-    return {key or "scene": writing.file_digest(path) for key, path in files if path.is_file()}
+    return {key or "scene": writing.file_digest(path) for key, path in scene.files.items() if path.is_file()}
 
 
 def _series(muscles: Iterable[str]) -> list[str]:
