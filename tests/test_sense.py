@@ -172,6 +172,11 @@ NONSENSE = {
         False,
         "from their bone",
     ),
+    "landmarks beside the muscle": (
+        lambda s: areas(s, lambda a: [replace(x, landmarks=x.landmarks + np.array([0, 40, 0])) for x in a]),
+        False,
+        "from their muscle",
+    ),
     "bones 10 m away": (
         lambda s: replace(s, bones={n: moved(b, lambda x: x + 1e4) for n, b in s.bones.items()}),
         True,

@@ -166,13 +166,13 @@ def _in_bones(millimetres: float, name: str, anatomy: Anatomy) -> Iterator[Findi
 def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -> Iterator[Finding]:
     """Yield landmarks away from the bone named for them."""
     key = f"muscles.{name}.attachments"
-    length = diagonal(anatomy.muscles[name].points) * millimetres
-    scale = _scale(anatomy.muscles[name], millimetres)
-    thickness = mean_thickness(*anatomy.muscles[name]) * millimetres
+    surface = anatomy.muscles[name]
+    length, scale = diagonal(surface.points) * millimetres, _scale(surface, millimetres)
+    thickness, solids = mean_thickness(*surface) * millimetres, solids_of(*surface)
     areas = {number: area for number, area in enumerate(muscle.attachments) if area.role in ROLES}
     away, medians, nearest, limits = {}, {}, {}, CHECKS["other_bone"]
     for number, area in areas.items():
-        gaps_to = {bone: surface.solids.distances(area.landmarks) for bone, surface in anatomy.bones.items()}
+        gaps_to = {bone: shape.solids.distances(area.landmarks) for bone, shape in anatomy.bones.items()}
         away[number] = {bone: millimetres * np.abs(gaps) for bone, gaps in gaps_to.items()}
         far = medians[number] = {bone: float(np.median(gaps)) for bone, gaps in away[number].items()}
         other = min(far, key=far.__getitem__)
@@ -190,6 +190,9 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
             yield _finding("other_bone", where, own=own, bone=area.bone, other=other, other_gap=gap)
         elif own > CHECKS["far"]["thicknesses"] * thickness:
             yield _finding("far", where, certain=lost, own=own, bone=area.bone)
+        off = millimetres * float(np.median(np.abs(solids.distances(area.landmarks))))
+        if off > CHECKS["off"]["thicknesses"] * thickness:
+            yield _finding("off", where, off=off)
     bones = {area.bone for area in areas.values()}
     if len(areas) > 1 and len(bones) == 1:
         yield _finding("one_bone", key, bone=bones.pop())
