@@ -42,7 +42,8 @@ def triangles_of(surface: vtkPolyData, where: str) -> Ints:
 
 def checked_surface(surface: vtkPolyData, where: str) -> tuple[Floats, Ints]:
     """Return points and triangles; ValueError as :func:`triangles_of`, or for NaN."""
-    triangles, points = triangles_of(surface, where), points_of(surface)
+    triangles = triangles_of(surface, where)
+    points = points_of(surface)
     finite = np.isfinite(points)
     if not finite.all():  # a check row by row is slower
         bad = np.flatnonzero(~finite.all(axis=1))

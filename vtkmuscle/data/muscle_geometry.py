@@ -248,7 +248,8 @@ def joined_surface(
         triangles.append(inner[1] + first)
         patches.append(first + np.arange(len(inner[0])))
         first += len(inner[0])
-    patch, alone = np.unique(np.concatenate(patches)), len(points) == 1
+    patch = np.unique(np.concatenate(patches))
+    alone = len(points) == 1
     samples = geometry.on(patch) if alone else PatchSamples(np.vstack(points), np.vstack(triangles), patch)
     return EndSurface(samples, (takes[0], takes[1] if alone else 2.0 * takes[1]))
 

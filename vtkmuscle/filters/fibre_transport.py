@@ -185,7 +185,8 @@ class StiffTendons(Filter):
 
 def _on_bone(muscle: Surface, ends: Floats) -> Bools:
     """Return a mask of ends (k, 2, 3) on fixed triangles."""
-    geometry, fixed_to = muscle.geometry, muscle.data.GetPointData().GetArray("FixedTo")
+    geometry = muscle.geometry
+    fixed_to = muscle.data.GetPointData().GetArray("FixedTo")
     if fixed_to is None:
         return np.zeros(ends.shape[:2], dtype=np.bool_)
     faces, _, apart = shared_tree(geometry.points, geometry.triangles).nearest(ends.reshape(-1, 3))

@@ -125,7 +125,8 @@ class SliceMorpher(Filter):
         tolerance = self.slice_tolerance
         if tolerance is None:
             tolerance = DEFAULT_TOLERANCE * float(np.linalg.norm(box[:3, 2]))
-        upright, slicing = _runs_upwards(template.data, box), Slicing(tolerance, self.continuity)
+        upright = _runs_upwards(template.data, box)
+        slicing = Slicing(tolerance, self.continuity)
 
         def morph(method: str) -> Morph:
             if method == "plane":

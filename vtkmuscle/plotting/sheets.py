@@ -116,7 +116,8 @@ def sheet(panels: Sequence[Panel], title: str, units: str, width: float, *, bott
     top = 0.25 if title else 0.0
     heights = [max(p.inches[1] for p in row) + header for row in rows]
     height = top + bottom + sum(heights)
-    figure, y = blank_figure(wide, height, title=title), height - top
+    figure = blank_figure(wide, height, title=title)
+    y = height - top
     for row, row_height in zip(rows, heights, strict=True):
         x = (wide - sum(p.inches[0] + _GAP for p in row) + _GAP) / 2.0
         for panel in row:

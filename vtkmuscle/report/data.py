@@ -87,7 +87,8 @@ def scene_of(run: Result, pack: Pack) -> dict[str, Any]:
     """Return the scene of a page, ready for JSON, and add its arrays to the pack."""
     shown = shown_of(len(run.frames))
     scale = MILLIMETRES[run.report["units"]]
-    surfaces, count = run.report["deformer"] != "none", len(run.muscle_names)
+    surfaces = run.report["deformer"] != "none"
+    count = len(run.muscle_names)
     budget = MUSCLE_POINTS // max(count * (len(shown) + 1), 1)
     muscles = []
     for number, name in enumerate(run.muscle_names):
@@ -126,7 +127,8 @@ def _rows(transforms: Floats | None, frames: list[int]) -> list[float] | None:
 def _muscle(run: Result, name: str, done: list[int], target: int, pack: Pack) -> dict[str, Any] | None:
     rest, surfaces = run.track(name).rest, run.track(name).surfaces
     points, triangles = points_of(rest), triangles_of(rest, name)
-    chosen, target = np.arange(len(points)), min(max(target, LEAST), MOST)
+    chosen = np.arange(len(points))
+    target = min(max(target, LEAST), MOST)
     if len(triangles) > target:
         chosen, triangles = _thinned(points, triangles, target)
     moved = [points[chosen], *(points_of(surfaces[i])[chosen] for i in done)]
@@ -261,7 +263,8 @@ def _curves(run: Result, name: str, colour: str, pack: Pack) -> dict[str, Any]:
 
 def _lengths(lengths: Floats, pack: Pack, error: Floats | float = np.nan) -> dict[str, Any]:
     lower, upper = np.percentile(lengths, (25.0, 75.0), axis=1)
-    mean, drawn = lengths.mean(axis=1), shown_of(lengths.shape[1])
+    mean = lengths.mean(axis=1)
+    drawn = shown_of(lengths.shape[1])
     return {
         "mean": rounded(mean),
         "low": rounded(lengths.min(axis=1)),

@@ -131,7 +131,8 @@ MANY = 6
 def page_of(run: Result) -> str:
     """Return the page of a run as text. The page needs no external resources."""
     report, pack = run.report, Pack()
-    scene, curves = scene_of(run, pack), curves_of(run, pack)
+    scene = scene_of(run, pack)
+    curves = curves_of(run, pack)
     return rendered(
         "report.html",
         run=run,

@@ -274,7 +274,8 @@ def _warn_of_ranges(values: Mapping[str, Floats], tree: KinematicTree, key: str,
 
 def _of_opensim(table: schema.OpenSimTable, scene: schema.SceneTable, files: SceneFiles) -> SceneJoints:
     tree = files.read("opensim.model", table.model, read_tree)
-    where, body_names = files.paths[""], table.bodies or {}
+    where = files.paths[""]
+    body_names = table.bodies or {}
     bodies = {bone: body_names.get(bone, bone) for bone in scene.bones}
     frame, fixed = table.frame or tree.root, table.fixed or tree.root
     for bone in body_names:

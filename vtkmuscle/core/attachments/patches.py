@@ -44,7 +44,8 @@ def geodesic_curve(points: Floats, edges: Ints, vertices: Ints, *, closed: bool)
     ends = np.append(vertices[1:], vertices[:1]) if closed else vertices[1:]
     starts = np.searchsorted(edges[:, 0], np.arange(len(points) + 1))
     middles = 0.5 * (points[edges[:, 0]] + points[edges[:, 1]])
-    lengths, curve = edge_lengths(points, edges), vertices[:1].tolist()
+    lengths = edge_lengths(points, edges)
+    curve = vertices[:1].tolist()
     for start, end in zip(vertices[: len(ends)].tolist(), ends.tolist(), strict=True):
         chord = points[end] - points[start]
         square = max(float(chord @ chord), 1e-100)

@@ -204,7 +204,8 @@ def _pull(
         for k in range(1, count):
             if squares[k] < least:
                 least, nearest = squares[k], candidates[k]
-        farthest, total = least * (1.0 + 1e-9) + band, 0.0
+        farthest = least * (1.0 + 1e-9) + band
+        total = 0.0
         for k in range(count):
             total += max(farthest - squares[k], 0.0)
         for k in range(count):

@@ -188,7 +188,8 @@ def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
     i = polylines.inner_points(offsets)
     ends = offsets[np.searchsorted(offsets, i, side="right")]
     counts = ends - offsets[np.searchsorted(offsets, i, side="right") - 1]
-    i, turns = i[i >= ends - 1 - counts // 3], np.zeros(len(points))
+    i = i[i >= ends - 1 - counts // 3]
+    turns = np.zeros(len(points))
     turns[i] = angles_between(points[i] - points[i - 1], points[i + 1] - points[i])
     return np.maximum.reduceat(turns, offsets[:-1])
 

@@ -46,7 +46,8 @@ def points_at_arcs(points: Floats, offsets: Ints, arcs: Floats) -> Floats:
     lengths, along = segment_lengths(points, offsets)
     firsts, wanted = offsets[:-1, None], arcs + along[offsets[:-1], None]
     after = np.searchsorted(along, wanted).clip(firsts + 1, offsets[1:, None] - 1)
-    before, whole = np.maximum(after - 1, firsts), lengths[after]
+    before = np.maximum(after - 1, firsts)
+    whole = lengths[after]
     share = np.divide(wanted - along[before], whole, out=np.zeros(arcs.shape), where=whole > 0.0)
     share = share.clip(0.0, 1.0)[..., None]
     # In this form shares of 0 and 1 give the end points bit for bit.

@@ -60,7 +60,8 @@ def project_volume(
     place;  w, shares : (n,) inverse masses, 1 free, 0 fixed;  rest : V0 [mm^3]; stiffness : k, 0 to 1; floor
     : least denominator [mm^4];  gradient : (n, 3) working memory.
     """
-    volume, squares = volume_and_gradient(p, triangles, gradient), 0.0
+    volume = volume_and_gradient(p, triangles, gradient)
+    squares = 0.0
     for i in range(len(p)):
         x, y, z = gradient[i, 0], gradient[i, 1], gradient[i, 2]
         squares += shares[i] * (x * x + y * y + z * z)

@@ -38,7 +38,8 @@ def even_samples(candidates: Floats, count: int) -> Floats:
     middle = int(((candidates - candidates.mean(axis=0)) ** 2).sum(axis=1).argmin())
     chosen = np.empty(min(count, len(candidates)), dtype=np.int64)
     _farthest(candidates, middle, np.full(len(candidates), np.inf), chosen)
-    samples, tree = candidates[chosen], cKDTree(candidates)
+    samples = candidates[chosen]
+    tree = cKDTree(candidates)
     for _ in range(4):
         cell = cKDTree(samples).query(candidates)[1]
         apart, nearest = tree.query(part_means(candidates, cell, len(samples), samples), 2)
