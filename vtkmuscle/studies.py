@@ -229,7 +229,8 @@ def _rows(scene: Any, out: Path | None, options: Mapping[str, Any]) -> tuple[lis
     """Return the rows of a scene's muscles, and kept warnings. A scene without a finished folder is run."""
     _warned.clear()
     try:
-        scene, options = (scene if isinstance(scene, Scene) else Scene.load(scene)).chosen(**options)
+        loaded = scene if isinstance(scene, Scene) else Scene.load(scene)
+        scene, options = loaded.chosen(**options)
         result = None if out is None or options.get("fresh") else _finished(scene, out, options)
         if result is None:
             result = scene.run(out, **options)

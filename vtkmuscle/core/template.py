@@ -207,7 +207,8 @@ def areas_are_opposite(origin_area: Floats, insertion_area: Floats) -> bool:
     Areas are points (j, 3) in the unit cube. For aponeuroses on the sides the line between centroids differs
     from the cube's z axis.
     """
-    return bool(np.abs(insertion_area.mean(axis=0) - origin_area.mean(axis=0) - [0.0, 0.0, 1.0]).max() < 0.1)
+    across = insertion_area.mean(axis=0) - origin_area.mean(axis=0) - [0.0, 0.0, 1.0]
+    return bool(np.abs(across).max() < 0.1)
 
 
 def centroid_axis(origin: Floats, insertion: Floats) -> Floats:

@@ -43,7 +43,8 @@ def plain_name(name: str) -> str:
     """Return a lower-case name with underscores, the side at the end."""
     words = re.findall(r"[a-z0-9]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).casefold())
     side = next((_SIDES[word] for word in words if word in _SIDES), None)
-    return "_".join([*[word for word in words if word not in _SIDES], *([side] if side else [])]) or "unnamed"
+    rest = [word for word in words if word not in _SIDES]
+    return "_".join([*rest, *([side] if side else [])]) or "unnamed"
 
 
 def side_of(name: str) -> str | None:

@@ -260,7 +260,8 @@ def draft_of_labels(
     labels: dict[str, Label] = {}
     images = [(image, labels_in(image, str(path))) for image in read_labels(path, names=names, frame=frame)]
     frames = [label.frame[:3, :3] for _, by_name in images for label in by_name.values()]
-    edge = edge or min(EDGE, EDGE_VOXELS * float(min(abs(np.linalg.det(axes)) for axes in frames) ** (1 / 3)))
+    voxel = float(min(abs(np.linalg.det(axes)) for axes in frames) ** (1 / 3))
+    edge = edge or min(EDGE, EDGE_VOXELS * voxel)
     for image, by_name in images:
         used = [name for name in by_name if kind_of(name)]
         for name in (name for name in by_name if name not in used):

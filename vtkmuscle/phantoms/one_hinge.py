@@ -60,7 +60,8 @@ def line_length(angle: float) -> float:
 def line_moment_arm(angle: float) -> float:
     """Return -dl/dq of the straight line [mm] at an angle [degrees]."""
     insertion = _insertion(angle)
-    return float(-np.cross(AXIS, insertion) @ (insertion - ORIGIN) / np.linalg.norm(insertion - ORIGIN))
+    velocity = np.cross(AXIS, insertion)
+    return float(-velocity @ (insertion - ORIGIN) / np.linalg.norm(insertion - ORIGIN))
 
 
 def _insertion(angle: float) -> Floats:
@@ -91,7 +92,8 @@ def bone_with_arm(attachment: Floats, up: float) -> Solid:
     arm_centre = attachment + np.array([0.0, 0.0, 7.0 * up])
     arm = thick_curve([arm_centre * [0, 0, 1], arm_centre], [13.0, 13.0])
     arm = arm.beside(attachment, (0, 0, -up), 1.0)
-    return thick_curve([(0, 0, 14 * up), (0, 0, attachment[2] + 50 * up)], [10.0, 11.0]).joined(arm, 4.0)
+    shaft = thick_curve([(0, 0, 14 * up), (0, 0, attachment[2] + 50 * up)], [10.0, 11.0])
+    return shaft.joined(arm, 4.0)
 
 
 #: Radius of the cylinder, thickness and width of the strap, length of its straight part [mm].

@@ -156,7 +156,8 @@ def _fibres(
         return None
     first = polylines_of(fibres[done[0]], name)
     count = len(first.offsets) - 1
-    chosen = np.arange(0, count, max(1, -(-len(first.points) * len(done) // max(budget, 1))))
+    every = max(1, -(-len(first.points) * len(done) // max(budget, 1)))
+    chosen = np.arange(0, count, every)
     ids = np.concatenate([np.arange(first.offsets[k], first.offsets[k + 1]) for k in chosen])
     sizes = np.diff(first.offsets)[chosen]
     points: list[Floats] = []
@@ -300,7 +301,8 @@ def published_curves(curves: Sequence[LiteratureCurve], per_degree: float) -> It
     for curve in drawn(curves):
         colour = colours.setdefault(curve.source, PALETTE[-1 - len(colours) % len(PALETTE)])
         sides = {"y": curve.arms} if curve.upper is None else {"low": curve.arms, "high": curve.upper}
-        rows = {key: rounded(column) for key, column in {"x": curve.angles * per_degree, **sides}.items()}
+        columns = {"x": curve.angles * per_degree, **sides}
+        rows = {key: rounded(column) for key, column in columns.items()}
         yield {"colour": colour, "label": curve.label} | rows
 
 

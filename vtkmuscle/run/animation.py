@@ -57,7 +57,8 @@ def write_usd(result: ResultData, path: Path, *, tubes: bool) -> None:
                 rest = polylines_of(track.rest_fibres, name).lengths
                 strains, limit = strains_of(rest, [each.lengths for each in lines])
                 colours = [strain_colours(strain, limit) / 255.0 for strain in strains]
-                (stage.tubes if tubes else stage.curves)(name, lines, colours, WIDTH * float(rest.mean()))
+                draw = stage.tubes if tubes else stage.curves
+                draw(name, lines, colours, WIDTH * float(rest.mean()))
         stage.save()
         shutil.copyfile(drawn, new)
 
