@@ -1,5 +1,6 @@
 """Scenes and results as mappings, settings of a run, and cells of notebooks."""
 
+import pickle
 import re
 from dataclasses import replace
 
@@ -53,6 +54,13 @@ def test_settings_of_a_run_are_those_of_the_scene(scene, result):
     assert scene.muscles["spindle"].fibres["n_fibres"] == 8  # the scene itself stays
     same = scene.with_settings(quality="preview", n_fibres=5).run(frames="2:6")
     assert np.array_equal(same.lengths["spindle"], result.lengths["spindle"])
+
+
+def test_a_result_goes_to_another_process(result):
+    """A data set of many blocks could not be pickled."""
+    other = pickle.loads(pickle.dumps(result))
+    assert np.array_equal(other.muscle("spindle", frame=3).points, result.muscle("spindle", frame=3).points)
+    assert np.array_equal(other.bones(frame=3)[1].points, result.bones(frame=3)[1].points)
 
 
 def test_a_time_is_that_of_the_nearest_frame_within_half_a_step(result):

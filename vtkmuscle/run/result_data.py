@@ -18,7 +18,7 @@ from vtkmuscle.core.motion.coordinates import MILLIMETRES
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import ByName, suggestion
-from vtkmuscle.data.arrays import points_of, with_points
+from vtkmuscle.data.arrays import blocks_of, multiblock_from, points_of, with_points
 from vtkmuscle.data.paths import Paths, paths_of
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, read_literature
@@ -57,6 +57,11 @@ class ResultData(ByName):
         self.drawn_bones = drawn_bones or DrawnBones(bones)
         self._mover = BoneMotion(motion=motion)
         self._mover.connect(0, bones)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return the parts for pickling: of a data set of many blocks its blocks."""
+        more = {"literature": self.literature, "crosses": self.crosses, "drawn_bones": self.drawn_bones}
+        return _made_of, (type(self), blocks_of(self._bones), (self.motion, self._tracks, self.report), more)
 
     @property
     def verdicts(self) -> Mapping[str, str]:
@@ -364,6 +369,10 @@ def _listed(values: Sequence[float]) -> str:
     """Return the first and last of some numbers in words."""
     words = [f"{value:g}" for value in values]
     return f"there are {', '.join(words if len(words) <= 6 else [*words[:3], '...', *words[-2:]])}"
+
+
+def _made_of(kind: type[ResultData], bones: Any, parts: Any, more: dict[str, Any]) -> ResultData:
+    return kind(multiblock_from(dict(bones)), *parts, **more)
 
 
 #: Labels of times that are no coordinate: numbers of poses, as on a grid, and any time.

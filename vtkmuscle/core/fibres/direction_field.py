@@ -96,8 +96,7 @@ class DirectionField:
         radius = (1.0 + SAME) * distances[:, -1:] if self._count > NEIGHBOURS else np.inf
         apart = np.maximum(distances[:, :count], np.finfo(np.float64).tiny)
         weights = ((1.0 - apart / radius) * (apart[:, :1] / apart)) ** 2
-        tensors = np.einsum("qk,qki,qkj->qij", weights, directions, directions)
-        axes = np.linalg.eigh(tensors)[1][:, :, -1]
+        axes = np.linalg.eigh(np.einsum("qk,qki,qkj->qij", weights, directions, directions))[1][:, :, -1]
         along = np.einsum("qk,qki,qi->q", weights, directions, axes)
         return np.where(along < 0.0, -1.0, 1.0)[:, None] * axes, distances[:, 0]
 

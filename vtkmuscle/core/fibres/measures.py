@@ -169,8 +169,7 @@ def _crossing(lines: Floats, neighbours: Ints) -> float:
     if not apart.size:
         return 0.0
     clear = (apart > MEET * np.median(apart, axis=(0, 1))).all(axis=-1)
-    changed = (sides[:, :, 0] * sides[:, :, 1]).sum(axis=-1) < 0.0
-    return float(changed[clear].mean()) if clear.any() else 0.0
+    return float(((sides[:, :, 0] * sides[:, :, 1]).sum(axis=-1) < 0.0)[clear].mean()) if clear.any() else 0.0
 
 
 #: Area of a muscle over that of its tendon, at which both together are lightest (Ker, Alexander, Bennett

@@ -62,8 +62,7 @@ def harmonic_extension(points: Floats, triangles: Ints, fixed: Ints, values: Flo
         inner, border = rows[:, free], rows[:, fixed]
         # Symmetric and diagonally dominant: no pivoting, and an ordering for symmetric matrices.
         symmetric = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
-        factors = splu(inner.tocsc(), diag_pivot_thresh=0.0, **symmetric)
-        result[free] = factors.solve(-(border @ values))
+        result[free] = splu(inner.tocsc(), diag_pivot_thresh=0.0, **symmetric).solve(-(border @ values))
     return np.clip(result, values.min(axis=0), values.max(axis=0))
 
 

@@ -173,5 +173,4 @@ def sharp_turns(paths: Floats) -> tuple[Ints, Floats, Floats]:
     chords = unit_vectors(lines[:, step:] - lines[:, :-step])
     cosines = (chords[:, :-step] * chords[:, step:]).sum(axis=-1)
     path, station = np.nonzero(cosines < np.cos(np.radians(TURNED)))
-    reach = 0.5 * TURNED_PART * polyline_lengths(points, offsets)
-    return path, lines[path, station + step], reach[path]
+    return path, lines[path, station + step], (0.5 * TURNED_PART * polyline_lengths(points, offsets))[path]

@@ -187,8 +187,7 @@ def morph_by_planes(points: Floats, transform: Floats, muscle: ClosedSurface, sl
         levels, slice_of = shared_levels(heights, tolerance, grain)
         branch = course.branch(np.union1d(levels, course.guides))
     slices, hits = branch.stack(levels, 2)
-    guides = branch.stack(course.guides, 2)[0]
-    maps = slice_maps(slices, guides, box, slicing.continuity * box.length)
+    maps = slice_maps(slices, branch.stack(course.guides, 2)[0], box, slicing.continuity * box.length)
     across = mapped_points(inside, heights, levels, slice_of, maps, hits)
     return Morph(box.positions(np.column_stack([across, heights])), volume_share, steep_share)
 
