@@ -92,7 +92,9 @@ def test_nothing_old_stands_beside_new_results(scene, tmp_path):
     replace(scene, muscles=muscles).run(tmp_path, frames="0:3", figures=False)
     assert (tmp_path / "old/old_0002.vtp").is_file()
     (tmp_path / "old/mine.txt").write_text("mine")
-    scene.run(tmp_path, frames="0:2", figures=False)
+    with pytest.raises(ValueError, match="would remove the finished results of old"):
+        scene.run(tmp_path, frames="0:2", figures=False)
+    scene.run(tmp_path, frames="0:2", figures=False, overwrite=True)
     found = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
     assert found == {
         *("notes.txt", "old/mine.txt", "report.json", "report.html", "lengths.csv"),

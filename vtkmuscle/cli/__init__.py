@@ -69,7 +69,7 @@ def _terminate(number: int, _frame: object) -> None:
     raise shared.TerminatedError(number)
 
 
-def _show_version(wanted: bool) -> None:
+def _version(wanted: bool) -> None:
     if wanted:
         typer.echo(f"vtkmuscle {vtkmuscle.__version__}")
         raise typer.Exit
@@ -77,9 +77,7 @@ def _show_version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
-    version: Annotated[
-        bool, Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
-    ] = False,
+    version: Annotated[bool, Option("--version", callback=_version, is_eager=True, help="Version.")] = False,
 ) -> None:
     pass
 
@@ -99,8 +97,7 @@ def run(
     start_early(options.workers)
     loaded = vtkmuscle.Scene.load(scene)
     # A run of some muscles would remove the others' results from the folder of all.
-    parts = [loaded.name, *(options.muscle or ()), "out"]
-    run_and_report(loaded, out or Path("_".join(parts)), options)
+    run_and_report(loaded, out or Path("_".join([loaded.name, *(options.muscle or ()), "out"])), options)
 
 
 @command()

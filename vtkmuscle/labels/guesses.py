@@ -72,8 +72,7 @@ class JointFit:
     def confidence(self) -> float:
         """Confidence from 0, off the ball, to 1, exactly on the ball and all round."""
         flat = max(0.0, 1.0 - self.rms / (NEAR * self.radius))
-        whole = _COVERED["ball" if self.axis is None else "hinge"]
-        return float(flat * min(1.0, self.covered / whole))
+        return float(flat * min(1.0, self.covered / _COVERED["ball" if self.axis is None else "hinge"]))
 
 
 def fitted_ball(points: Floats, normals: Floats, areas: Floats, seeds: Bools) -> JointFit:

@@ -138,6 +138,9 @@ def _check_results(folder: Path, scene: SceneData, report: Mapping[str, Any] | N
     if report.get("scene") != scene.name or (before and now and before != now):
         of = f" of {before}" if before else ""
         raise InputError(folder, f"the folder has results of the scene {report.get('scene')!r}{of}", insist)
+    left = [name for name in _muscles_of(report) if name not in scene.muscles]
+    if lost := [name for name in left if ResultFolder(folder).note_file(name).is_file()]:
+        raise InputError(folder, f"the run would remove the finished results of {', '.join(lost)}", insist)
 
 
 #: Digits of the numbers in tables, and the tables that have all digits.
