@@ -184,8 +184,7 @@ def tradeoff(
             measured = {name: _measured(result, limit, name) for name in scene.muscles if result is not None}
             for name, row in ({ALL: _together(measured)} | measured).items():
                 rows.append([*values.values(), name, *row.values(), message])
-        columns = (*varied, "muscle", "verdict", "ms", *ERRORS, "message")
-        found = Tradeoff(Table(columns, rows), varied)
+        found = Tradeoff(Table((*varied, "muscle", "verdict", "ms", *ERRORS, "message"), rows), varied)
         if out is not None:
             with Outputs(folder, overwrite=overwrite):
                 found.write(folder)
@@ -255,6 +254,5 @@ def _together(muscles: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     worst = next((verdict for verdict in ("failed", "look", "ok") if verdict in verdicts), "failed")
     row: dict[str, Any] = {"verdict": worst, "ms": sum(row["ms"] for row in muscles.values()) or np.nan}
     for name in ERRORS:
-        known = [row[name] for row in muscles.values() if np.isfinite(row[name])]
-        row[name] = max(known, default=np.nan)
+        row[name] = max([row[name] for row in muscles.values() if np.isfinite(row[name])], default=np.nan)
     return row

@@ -267,7 +267,14 @@ def closest_to_ray(start: Floats, ahead: Floats, tree: TriangleTree) -> Floats:
 
     The ray has a start (3,) and a unit direction (3,). Of equal points the first along the ray.
     """
-    corners, edges = tree.corners, np.roll(tree.corners, -1, axis=1) - tree.corners
+    _, nearest, away = tree.nearest(start[None])
+    low, high = np.hsplit(tree.boxes[1 - len(tree.leaves) :], 2)
+    to_leaves = 0.5 * (low + high) - start
+    aside = to_leaves - np.maximum(to_leaves @ ahead, 0.0)[:, None] * ahead
+    # No closer point is in leaves beyond the distance of the start.
+    near = np.linalg.norm(aside, axis=1) <= away + np.linalg.norm(high - low, axis=1)
+    corners = tree.corners[np.repeat(near, np.diff(tree.leaves))]
+    edges = np.roll(corners, -1, axis=1) - corners
     normals = np.cross(edges[:, 0], edges[:, 1])
     with np.errstate(divide="ignore", invalid="ignore"):  # triangles without area, or along the ray
         t = ((corners[:, 0] - start) * normals).sum(axis=1) / (normals @ ahead)
@@ -278,7 +285,6 @@ def closest_to_ray(start: Floats, ahead: Floats, tree: TriangleTree) -> Floats:
     s, arcs = _nearest_to_ray(start - ends, ahead, edges)
     on_edges = ends + s[:, None] * edges
     apart = np.linalg.norm(start + arcs[:, None] * ahead - on_edges, axis=1)
-    _, nearest, away = tree.nearest(start[None])
     distances = np.concatenate([away, np.zeros(int(through.sum())), apart])
     first = np.lexsort((np.concatenate([[0.0], t[through], arcs]), distances))[0]
     return np.asarray(np.vstack([nearest, at[through], on_edges])[first])

@@ -54,8 +54,7 @@ def sorted_into_bins(bins: Ints, n_bins: int) -> tuple[Ints, Ints]:
 
     Bin b has the ascending indices ``order[starts[b] : starts[b + 1]]``.
     """
-    starts = np.append(0, np.cumsum(np.bincount(bins, minlength=n_bins)))
-    return np.argsort(bins, kind="stable"), starts
+    return np.argsort(bins, kind="stable"), np.append(0, np.cumsum(np.bincount(bins, minlength=n_bins)))
 
 
 def edge_uses(triangles: Ints) -> Ints:
