@@ -267,12 +267,10 @@ def closest_to_ray(start: Floats, ahead: Floats, tree: TriangleTree) -> Floats:
 
     The ray has a start (3,) and a unit direction (3,). Of equal points the first along the ray.
     """
-    _, nearest, away = tree.nearest(start[None])
-    low, high = np.hsplit(tree.boxes[1 - len(tree.leaves) :], 2)
-    to_leaves = 0.5 * (low + high) - start
-    aside = to_leaves - np.maximum(to_leaves @ ahead, 0.0)[:, None] * ahead
-    # No closer point is in leaves beyond the distance of the start.
-    near = np.linalg.norm(aside, axis=1) <= away + np.linalg.norm(high - low, axis=1)
+    low, high = np.hsplit(tree.boxes[1 - len(tree.leaves) :], 2)  # of the leaves
+    to_leaves, reach = 0.5 * (low + high) - start, np.linalg.norm(high - low, axis=1)
+    aside = np.linalg.norm(to_leaves - np.maximum(to_leaves @ ahead, 0.0)[:, None] * ahead, axis=1)
+    near = aside - reach <= (aside + reach).min()
     corners = tree.corners[np.repeat(near, np.diff(tree.leaves))]
     edges = np.roll(corners, -1, axis=1) - corners
     normals = np.cross(edges[:, 0], edges[:, 1])
@@ -285,6 +283,7 @@ def closest_to_ray(start: Floats, ahead: Floats, tree: TriangleTree) -> Floats:
     s, arcs = _nearest_to_ray(start - ends, ahead, edges)
     on_edges = ends + s[:, None] * edges
     apart = np.linalg.norm(start + arcs[:, None] * ahead - on_edges, axis=1)
+    _, nearest, away = tree.nearest(start[None])
     distances = np.concatenate([away, np.zeros(int(through.sum())), apart])
     first = np.lexsort((np.concatenate([[0.0], t[through], arcs]), distances))[0]
     return np.asarray(np.vstack([nearest, at[through], on_edges])[first])
