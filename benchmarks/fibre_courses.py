@@ -202,13 +202,16 @@ def dissection(paths: list[Path], folder: Path | None) -> Table:
         found = architecture_of(fibres, muscle, areas, 1.0, aponeuroses=sheets)
         row("gastrocnemius medialis", found, (ward[0], ward[1], ward[2]))
     for scene in map(Scene.load, paths):
-        report = scene.run(None, frames="0:1", figures=False).report
-        for name, muscle in report["muscles"].items():
+        result = scene.run(None, frames="0:1", figures=False)
+        for name in result.muscle_names:
             if name in WARD:
                 length, angle, area = WARD[name]
                 words = [f"{mean:.0f}, sd {sd:.0f}" for mean, sd in (length, angle)]
                 known = (words[0], words[1], "" if area is None else str(area))
-                row(name, muscle["architecture"], known)
+                # Without the name: the population's ratio comes from these dissections.
+                at_rest, areas = result.track(name), scene.attachments_data(name)
+                found = architecture_of(at_rest.rest_fibres, at_rest.rest, areas, scene.millimetres)
+                row(name, found, known)
     return table
 
 
