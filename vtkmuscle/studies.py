@@ -57,8 +57,7 @@ def cohort(
     out : path, optional
         Folder for the results: a run folder per subject, and ``cohort.csv``. A finished run folder with
         equal scene, settings, frames and package is read instead of run again, unless a page or figures are
-        missing.
-        Without a folder no files are kept.
+        missing. Without a folder no files are kept.
     client : distributed.Client, optional
         Of a Dask cluster with folders shared by all workers; give ``out`` with ``client``. Default: processes
         of this machine.

@@ -233,10 +233,19 @@ def test_a_pose_in_which_paths_do_not_rest_is_left_out(ran, tmp_path, monkeypatc
     assert rms(muscle.errors["length"]) < 0.4
 
 
+def test_a_muscle_that_crosses_no_coordinate_is_not_exported(tmp_path):
+    save_strap(tmp_path / "strap", n_fibres=4)
+    grid = {"grid": {"upper": [-10, 10, 10], "lower": [-10, 10, 10]}}
+    path = scene_with(tmp_path / "strap", tmp_path, motion=grid, deformer="none")
+    path.write_text(path.read_text().replace("[muscles.strap]", "[muscles.strap]\ncrosses = []", 1))
+    with pytest.raises(InputError, match="crosses a coordinate"):
+        export(path, tmp_path / "strap.osim")
+
+
 def test_a_muscle_that_failed_is_not_exported(ran, results, tmp_path):
     result = Result.load(results)
     result.report["muscles"]["strap"]["verdict"]["verdict"] = "failed"
-    with pytest.raises(InputError, match="no muscle of the run has paths and did not fail"):
+    with pytest.raises(InputError, match="no muscle with paths crosses a coordinate and did not fail"):
         export(ran[0], tmp_path / "strap.osim", result=result)
     assert not (tmp_path / "strap.osim").exists()
 

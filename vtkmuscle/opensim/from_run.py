@@ -98,9 +98,9 @@ def export(
 ) -> list[ExportedMuscle]:
     """Write the muscles of a scene with joints to OpenSim or MuJoCo, and return them with errors.
 
-    Muscles that failed in the run are left out, with a warning. A warning names muscles whose moment arms as
-    written are wrong by a tenth. Where the motion does not move a coordinate that a muscle crosses, paths are
-    computed in further poses. Next to the model are ``NAME_errors.csv`` and,
+    Muscles that failed in the run, or cross no coordinate, are left out, with a warning. A warning names
+    muscles whose moment arms as written are wrong by a tenth. Where the motion does not move a coordinate
+    that a muscle crosses, paths are computed in further poses. Next to the model are ``NAME_errors.csv`` and,
     for a new model, meshes of bones and muscles in ``Geometry``. In MuJoCo muscles are tendons with
     actuators.
 
@@ -249,11 +249,11 @@ def _run_of(source: Path, result: Result | None, options: RunOptions, named: set
     with errors_at("motion", path, "extend the motion, or shorten the crosses of the muscles"):
         moved = {names: _with_moves(joints.tree, values, names) for names in dict.fromkeys(still.values())}
     result = result or run_scene(scene, None, options)
-    failed = [name for name, verdict in result.verdicts.items() if verdict == FAILED]
+    failed = [name for name, verdict in result.verdicts.items() if verdict == FAILED or not crossed[name]]
     if not (whole := [name for name in result.lengths if name not in failed]):
-        raise InputError(source, "no muscle of the run has paths and did not fail", "see the run's report")
+        raise InputError(source, "no muscle with paths crosses a coordinate and did not fail", "see the page")
     if failed:
-        warnings.warn(f"left out of the model: {', '.join(failed)}, failed in the run", stacklevel=4)
+        warnings.warn(f"left out, for they failed or cross no coordinate: {', '.join(failed)}", stacklevel=4)
     poses: dict[str, _Poses] = {}
     for names, columns in moved.items():
         measured, muscles = result, [muscle for muscle in whole if still[muscle] == names]

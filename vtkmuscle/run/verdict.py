@@ -231,7 +231,7 @@ def further_reasons(muscle: Judged, odd: Sequence[SceneError]) -> Iterator[Reaso
 
 def missing_checks(muscle: Judged) -> dict[str, str]:
     """Return the checks without published numbers, and why."""
-    why = "no published muscle has the name; another published name goes into its key muscle"
+    why = 'no published muscle has the name; if it has another name there, write muscle = "THAT NAME"'
     return {} if published(muscle.anatomical) else {"published arms": why, "fascicles": why}
 
 

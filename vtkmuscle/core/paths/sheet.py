@@ -31,9 +31,9 @@ from vtkmuscle.core.types import Floats, Ints
 POINTS = 33
 
 #: Bones go from one pose to another in parts, in which they carry no end of a path farther than this, in
-#: segments: a path does not jump over what lies between. With half as many more a jump over 90 degrees takes
-#: two thirds to all of the time, and lengths of a real gluteus maximus depend on the way by more than 0.16
-#: mm; with four times as many a strap jumps over two rollers.
+#: segments: a path does not jump over what lies between. With 6 a jump over 90 degrees takes two thirds to
+#: all of the time, and lengths of a real gluteus maximus depend on the way by more than 0.16 mm; with 16 a
+#: strap jumps over two rollers.
 LARGEST_MOVE = 4.0
 
 #: The drift with which paths begin in a new pose, in drifts of the pose before, at most.
