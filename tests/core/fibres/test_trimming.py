@@ -237,11 +237,13 @@ def distance_to_ray(points, start, ahead):
 @given(st.integers(0, 2**32 - 1))
 def test_no_point_of_the_triangles_is_closer_to_the_ray(seed):
     rng = np.random.default_rng(seed)
-    corners = rng.normal(size=(5, 3, 3)) + rng.normal(scale=2.0, size=3)
+    n = 40  # several leaves of a tree
+    corners = rng.normal(size=(n, 3, 3)) + rng.normal(scale=4.0, size=(n, 1, 3))
     start, ahead = rng.normal(size=3), rng.normal(size=3)
     ahead /= np.linalg.norm(ahead)
-    found = closest_to_ray(start, ahead, triangle_tree(corners.reshape(-1, 3), np.arange(15).reshape(5, 3)))
-    sampled = np.einsum("mks,msd->mkd", rng.dirichlet([0.6, 0.6, 0.6], (5, 4000)), corners).reshape(-1, 3)
+    tree = triangle_tree(corners.reshape(-1, 3), np.arange(3 * n).reshape(n, 3))
+    found = closest_to_ray(start, ahead, tree)
+    sampled = np.einsum("mks,msd->mkd", rng.dirichlet([0.6, 0.6, 0.6], (n, 4000)), corners).reshape(-1, 3)
     least = distance_to_ray(sampled, start, ahead).min()
     assert distance_to_ray(found[None], start, ahead)[0] <= least + 1e-9
     assert np.linalg.norm(sampled - found, axis=1).min() < 0.3  # it is on a triangle
