@@ -1,7 +1,9 @@
-"""Points in a crease between two walls of a bone: one gap on every way; sheets come to rest, in few steps."""
+"""Sheets come to rest, in few steps: in a crease between two walls of a bone, and strongly sheared."""
 
 import numpy as np
+import phantoms
 import pytest
+from phantom_paths import strung, swept
 from shapes import box, ring
 
 from vtkmuscle import Scene
@@ -26,6 +28,15 @@ def test_an_infraspinatus_on_the_spine_of_its_scapula_comes_to_rest(bp3d_arm):
         steps.append(field_array(frame, "PathSteps")[0])
     # With other differences of distances where these are flat no frame comes to rest.
     assert np.median(steps) <= 12
+
+
+@pytest.mark.slow
+def test_a_sheet_of_a_hundred_paths_that_is_wedged_comes_to_rest():
+    """Springs between the nearest paths alone leave a sheared section two shapes."""
+    made = strung(phantoms.slivered_tendon(), 100)
+    for state in swept(made.pulled(), made.poses()):
+        assert state.settled
+        assert state.steps < 60
 
 
 def test_a_sheet_in_the_groove_of_a_pulley_comes_to_rest():

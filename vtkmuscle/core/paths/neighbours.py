@@ -20,8 +20,11 @@ MODULUS = 0.3
 #: Shear modulus of muscle along its fibres, likewise: 3.87 kPa (Morrow et al. 2010) of 225 kPa.
 SHEAR_MODULUS = 0.017
 
-#: Neighbours of a path in a section: those that a point of an even pattern has.
-NEIGHBOURS = 6
+#: Neighbours of a path in a section: the three nearest rings of an even pattern, of 6 each, which are equally
+#: stiff in sum. Springs to the first ring alone leave a strongly sheared section two shapes, a triangle of
+#: springs and its mirror image, and many fibres snap at once. Where three rings are not less than half of the
+#: sheet, springs would reach across all of it, and the first ring holds alone.
+NEIGHBOURS, RING = 18, 6
 
 #: Two points nearer than this part of the median distance are as stiff as two so far apart: where paths meet
 #: in a tendon's end a strain would be of nothing.
@@ -60,25 +63,26 @@ def neighbours_of(fibres: Floats) -> Neighbours:
 
     Fibres are (f, n, 3); a point is paired with the nearest point of each path beside it. A pair strained by
     e has the energy m (L e)^2 / 2 per length of path, of a path of length L with a tension of 1 per length: m
-    is :data:`MODULUS`, and of the shear e :data:`SHEAR_MODULUS`. As paths shorten by l, the kept distances
-    grow by l^(-1/2): the muscle keeps its volume. The numbers of paths and of points on each do not matter.
+    is :data:`MODULUS`, and of the shear e :data:`SHEAR_MODULUS`, for :data:`RING` neighbours, and a third of
+    each for :data:`NEIGHBOURS`. As paths shorten by l, the kept distances grow by l^(-1/2): the muscle keeps
+    its volume. The numbers of paths and of points on each do not matter.
     """
-    n = fibres.shape[1]
+    n, count = fibres.shape[1], NEIGHBOURS if len(fibres) > 2 * NEIGHBOURS else RING
     length = float(path_lengths(fibres).mean())
-    pairs = _nearest_across(fibres, SAME * length)
+    pairs = _nearest_across(fibres, count, SAME * length)
     ahead, across = _ahead_and_across(fibres.reshape(-1, 3), _tangents(fibres).reshape(-1, 3), *pairs.T)
-    usual = float(np.median(across)) if len(across) else 0.0
+    usual = float(np.quantile(across, 0.5 * RING / count)) if len(across) else 0.0  # of the first ring
     apart = (across > SAME * length) & (across > TOO_NEAR * usual)
     spacing = np.maximum(across[apart], LEAST_SPACING * usual)
-    moduli = np.outer((length / (spacing * (n - 1))) ** 2, (MODULUS, SHEAR_MODULUS))
+    moduli = RING / count * np.outer((length / (spacing * (n - 1))) ** 2, (MODULUS, SHEAR_MODULUS))
     return Neighbours(pairs[apart], across[apart], ahead[apart], moduli)
 
 
-def _nearest_across(fibres: Floats, same: float) -> Ints:
+def _nearest_across(fibres: Floats, count: int, same: float) -> Ints:
     """Return pairs (m, 2) of points, nearest to each other's paths.
 
-    Points are inner points of fibres (f, n, 3), numbered in their order. Beside a point are the
-    :data:`NEIGHBOURS` nearest paths. A path that ends before the point, or comes no nearer than a segment
+    Points are inner points of fibres (f, n, 3), numbered in their order. Beside a point are the ``count``
+    nearest paths. A path that ends before the point, or comes no nearer than a segment
     ahead, is not beside the point. Distances within ``same`` [mm] are equal.
     """
     f, n, _ = fibres.shape
@@ -101,7 +105,7 @@ def _nearest_across(fibres: Floats, same: float) -> Ints:
         # paths equally far none is left out: the order of the fibres would choose.
         distance[~beside] = np.inf
         counted = np.where(distance > same, distance, np.inf)
-        last = min(NEIGHBOURS, f) - 1
+        last = min(count, f) - 1
         reach = np.partition(counted, last, axis=1)[:, last, None]
         beside &= distance <= (1.0 + SAME) * reach
         found.append(np.column_stack([here[beside], numbers[beside]]))
