@@ -8,8 +8,21 @@ from shapes import rigid
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.paths.bone_contact import PUSH as BONE_PUSH
 from vtkmuscle.core.paths.bone_contact import BoneContacts, add_contacts
-from vtkmuscle.core.paths.equilibrium import add_neighbours, add_springs, newton_step, prepare_solve
-from vtkmuscle.core.paths.neighbours import MODULUS, NEIGHBOURS, RING, SHEAR_MODULUS, Neighbours, neighbours_of
+from vtkmuscle.core.paths.equilibrium import (
+    add_neighbours,
+    add_springs,
+    find_axes,
+    newton_step,
+    prepare_solve,
+)
+from vtkmuscle.core.paths.neighbours import (
+    MODULUS,
+    NEIGHBOURS,
+    RING,
+    SHEAR_MODULUS,
+    Neighbours,
+    neighbours_of,
+)
 from vtkmuscle.core.paths.ring_contact import add_rings, hold_in_rings, rings_at
 from vtkmuscle.core.paths.via_rings import via_ring
 from vtkmuscle.core.types import Floats
@@ -88,16 +101,16 @@ class Sheet:
         return total
 
     def slopes(self, x):
-        """Return the gradient (f, n, 3), and blocks (f, n, 6) and couplings (m, 6) of its stiffness."""
+        """Return the gradient (f, n, 3), and its stiffness: blocks (f, n, 6), beside (f n, 6), axes (9, m)."""
         gradient, blocks = np.zeros_like(x), np.zeros((*x.shape[:2], 6))
-        couplings = np.empty((len(self.neighbours.pairs), 6))
+        beside, axes = np.empty((blocks.size // 6, 6)), np.empty((9, len(self.neighbours.pairs)))
         add_springs(x, self.held, self.pull, gradient, blocks)
-        flat = x.reshape(-1, 3), gradient.reshape(-1, 3), blocks.reshape(-1, 6)
-        add_neighbours(*flat, self.neighbours, self.widths, couplings)
+        find_axes(x.reshape(-1, 3), self.neighbours.pairs, axes)
+        add_neighbours(gradient.reshape(-1, 3), beside, self.neighbours, self.widths, axes)
         pressure = np.zeros((1, *x.shape[:2]))
         add_contacts(x, *self.contacts(x), PUSH, ROUNDING, gradient, blocks, pressure)
         add_rings(x, self.rings, self.points, PUSH, ROUNDING, gradient, blocks, np.zeros_like(pressure))
-        return gradient, blocks, couplings
+        return gradient, blocks, beside, axes
 
 
 def test_the_forces_on_a_sheet_are_the_slopes_of_its_energy(rng):
@@ -116,15 +129,18 @@ def test_the_forces_on_a_sheet_are_the_slopes_of_its_energy(rng):
         assert gradient[path, point + 1, axis] == pytest.approx(slope, rel=1e-6, abs=1e-5)
 
 
-def stiffness(blocks, neighbours: Neighbours, couplings: Floats):
-    """Return the matrix of the inner points, dense, and these points' numbers."""
+def stiffness(blocks, beside, neighbours: Neighbours, axes: Floats):
+    """Return the matrix of the inner points, dense."""
     f, n, _ = blocks.shape
     matrix = np.zeros((f, n, 3, f, n, 3))
+    tangents, across = axes[:3].T, axes[3:6].T
+    couplings = np.einsum("m,mi,mj->mij", neighbours.stiffness[:, 0], across, across)
+    couplings += np.einsum("m,mi,mj->mij", neighbours.stiffness[:, 1], tangents, tangents)
     for a, i in np.ndindex(f, n):
-        matrix[a, i, :, a, i] = full(blocks)[a, i]
+        matrix[a, i, :, a, i] = full(blocks + beside.reshape(blocks.shape))[a, i]
         if i < n - 1:
             matrix[a, i, :, a, i + 1] = matrix[a, i + 1, :, a, i] = -np.eye(3)
-    for (p, q), coupling in zip(neighbours.pairs, full(couplings), strict=True):
+    for (p, q), coupling in zip(neighbours.pairs, couplings, strict=True):
         (a, i), (b, j) = divmod(p, n), divmod(q, n)
         matrix[a, i, :, b, j] = matrix[b, j, :, a, i] = -coupling
     return matrix[:, 1:-1, :, :, 1:-1].reshape(f * (n - 2) * 3, -1)
@@ -133,17 +149,15 @@ def stiffness(blocks, neighbours: Neighbours, couplings: Floats):
 @pytest.mark.parametrize(("left_over", "off"), [(1e-12, 1e-9), (0.1, 0.3)])
 def test_a_step_of_newtons_method_solves_its_equations(rng, left_over, off):
     sheet = Sheet(rng)
-    gradient, blocks, couplings = sheet.slopes(sheet.x)
-    matrix = stiffness(blocks, sheet.neighbours, couplings)
+    gradient, blocks, beside, axes = sheet.slopes(sheet.x)
+    matrix = stiffness(blocks, beside, sheet.neighbours, axes)
     assert np.linalg.eigvalsh(matrix).min() > 0.0
     step = np.empty_like(sheet.x)
     gradient[:, [0, -1]] = 0.0
     f, n, _ = gradient.shape
-    pairs, inverses = sheet.neighbours.pairs, np.empty((f + 1, n, 6))
-    prepare_solve(blocks, pairs, couplings, inverses)
-    slope = newton_step(
-        gradient, blocks, pairs, couplings, inverses, left_over, np.empty((4, f + 1, n, 3)), step
-    )
+    inverses, work = np.empty((f + 1, n, 6)), np.empty((4, f + 1, n, 3))
+    prepare_solve(blocks, beside, inverses)
+    slope = newton_step(gradient, blocks, sheet.neighbours, axes, inverses, left_over, work, step)
     known = np.linalg.solve(matrix, -gradient[:, 1:-1].ravel()).reshape(step[:, 1:-1].shape)
     assert np.linalg.norm(step[:, 1:-1] - known) < off * np.linalg.norm(known)
     assert not step[:, [0, -1]].any()
@@ -185,7 +199,9 @@ def test_the_load_of_a_ball_is_the_slope_of_its_force(rng):
     assert not force[:, [0, -1]].any()
 
 
-@pytest.mark.parametrize(("rows", "n", "size"), [(4, 9, 1.0), (6, 9, 1.0), (7, 9, 1.0), (4, 33, 1.0), (7, 9, 1e-3)])
+@pytest.mark.parametrize(
+    ("rows", "n", "size"), [(4, 9, 1.0), (6, 9, 1.0), (7, 9, 1.0), (4, 33, 1.0), (7, 9, 1e-3)]
+)
 def test_a_strained_pair_has_the_energy_of_its_modulus(rows, n, size):
     """And a sheared one; however many paths there are, or points on each, and whatever the unit is."""
     x = np.zeros((rows * rows, n, 3))
@@ -211,15 +227,15 @@ def test_the_stiffness_of_springs_contacts_and_neighbours_is_the_slope_of_their_
     held, pull = np.tile([0.5, 0.1, 0.0, 0.4, 0.2, 0.6], (2, 5, 1)), rng.normal(size=x.shape)
 
     def forces(x):
-        gradient, blocks = np.zeros_like(x), np.zeros((2, 5, 6))
-        couplings = np.empty((len(neighbours.pairs), 6))
+        gradient, blocks, beside = np.zeros_like(x), np.zeros((2, 5, 6)), np.empty((10, 6))
+        axes = np.empty((9, len(neighbours.pairs)))
         add_springs(x, held, pull, gradient, blocks)
-        flat = gradient.reshape(-1, 3), blocks.reshape(-1, 6)
-        add_neighbours(x.reshape(-1, 3), *flat, neighbours, np.ones(2), couplings)
+        find_axes(x.reshape(-1, 3), neighbours.pairs, axes)
+        add_neighbours(gradient.reshape(-1, 3), beside, neighbours, np.ones(2), axes)
         normals = np.tile([1.0, 0.0, 0.0], (1, 2, 5, 1))
         gaps = (x[..., 0] - 6.1 + 6.0 * (np.arange(2) == 0)[:, None])[None]
         add_contacts(x, gaps, normals, PUSH, ROUNDING, gradient, blocks, np.zeros((1, 2, 5)))
-        return gradient, stiffness(blocks, neighbours, couplings)
+        return gradient, stiffness(blocks, beside, neighbours, axes)
 
     matrix = forces(x)[1]
     move = np.zeros_like(x)

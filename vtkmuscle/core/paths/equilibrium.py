@@ -3,15 +3,15 @@
 Springs, neighbours and tissue exert forces, and Newton's method solves for the equilibrium. The unknowns are
 the points of f paths of n points each, with given ends. Newton's method needs the gradient of the energy and
 a positive part of the second derivatives: a symmetric 3 x 3 block for each point, -1 between neighbours along
-a path, and minus a spring's stiffness between neighbours across. A symmetric block is stored as xx, xy, xz,
-yy, yz, zz.
+a path, and a spring's stiffness between neighbours across. A symmetric block is stored as xx, xy, xz, yy, yz,
+zz.
 """
 
 from __future__ import annotations
 
 import math
 
-from vtkmuscle.core.jit import kernel, lane, reduction, vector_kernel
+from vtkmuscle.core.jit import kernel, reduction, vector_kernel
 from vtkmuscle.core.paths.neighbours import Neighbours
 from vtkmuscle.core.types import Floats, Ints
 
@@ -52,51 +52,59 @@ def add_springs(x: Floats, held: Floats, pull: Floats, gradient: Floats, blocks:
             gradient[a, 0, c] = gradient[a, n - 1, c] = 0.0
 
 
-@lane
-def axes_of_pair(
-    x: Floats, i: int, j: int
-) -> tuple[float, float, float, float, float, float, float, float, float]:
-    """Return the axes and lengths of a pair of points.
+@vector_kernel
+def find_axes(x: Floats, pairs: Ints, axes: Floats) -> None:
+    """Write the axes and lengths of pairs of points.
 
-    Points i and j are rows of x (f n, 3); lengths are along the axes [mm]. Returns the unit vector t along
-    the paths, the mean of their tangents at the two points; the unit vector u across the paths, from j
-    towards i; the length of the sum of the tangents; and the distance of i from j along t and along u.
+    Points are rows of x (f n, 3). Rows of ``axes`` (9, m): three of the unit vector t along the paths, the
+    mean of their tangents at the two points; three of the unit vector u across the paths, from the pair's
+    second point towards the first; the length of the sum of the tangents; and the distance of the first point
+    from the second along t and along u [mm].
     """
-    t0 = x[i + 1, 0] - x[i - 1, 0] + x[j + 1, 0] - x[j - 1, 0]
-    t1 = x[i + 1, 1] - x[i - 1, 1] + x[j + 1, 1] - x[j - 1, 1]
-    t2 = x[i + 1, 2] - x[i - 1, 2] + x[j + 1, 2] - x[j - 1, 2]
-    size = math.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
-    part = 1.0 / size if size > 0.0 else 0.0
-    t0, t1, t2 = part * t0, part * t1, part * t2
-    u0, u1, u2 = x[i, 0] - x[j, 0], x[i, 1] - x[j, 1], x[i, 2] - x[j, 2]
-    ahead = u0 * t0 + u1 * t1 + u2 * t2
-    u0, u1, u2 = u0 - ahead * t0, u1 - ahead * t1, u2 - ahead * t2
-    apart = math.sqrt(u0 * u0 + u1 * u1 + u2 * u2)
-    part = 1.0 / apart if apart > 0.0 else 0.0
-    return t0, t1, t2, part * u0, part * u1, part * u2, size, ahead, apart
+    for e in range(len(pairs)):
+        i, j = pairs[e, 0], pairs[e, 1]
+        t0 = x[i + 1, 0] - x[i - 1, 0] + x[j + 1, 0] - x[j - 1, 0]
+        t1 = x[i + 1, 1] - x[i - 1, 1] + x[j + 1, 1] - x[j - 1, 1]
+        t2 = x[i + 1, 2] - x[i - 1, 2] + x[j + 1, 2] - x[j - 1, 2]
+        size = math.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
+        part = 1.0 / size if size > 0.0 else 0.0
+        t0, t1, t2 = part * t0, part * t1, part * t2
+        u0, u1, u2 = x[i, 0] - x[j, 0], x[i, 1] - x[j, 1], x[i, 2] - x[j, 2]
+        ahead = u0 * t0 + u1 * t1 + u2 * t2
+        u0, u1, u2 = u0 - ahead * t0, u1 - ahead * t1, u2 - ahead * t2
+        apart = math.sqrt(u0 * u0 + u1 * u1 + u2 * u2)
+        part = 1.0 / apart if apart > 0.0 else 0.0
+        axes[0, e], axes[1, e], axes[2, e] = t0, t1, t2
+        axes[3, e], axes[4, e], axes[5, e] = part * u0, part * u1, part * u2
+        axes[6, e], axes[7, e], axes[8, e] = size, ahead, apart
 
 
 @vector_kernel
 def add_neighbours(
-    x: Floats, gradient: Floats, blocks: Floats, neighbours: Neighbours, widths: Floats, couplings: Floats
+    gradient: Floats, beside: Floats, neighbours: Neighbours, widths: Floats, axes: Floats
 ) -> None:
     """Add the springs between neighbours.
-
-    The function also writes the stiffness of each spring as a block, (m, 6).
 
     E = sum c (a - w d)^2 / 2 + k (s - h / w^2)^2 / 2: a is the distance of two points across the paths, s the
     distance along the paths, d and h are the distances at rest, and w is the mean of the paths' ``widths``
     (f,). A sheared sheet does not get narrower. The stiffness leaves out turning tangents and changing
-    widths. Arrays of points are (f n, ...) here.
+    widths.
+
+    gradient : (f n, 3), added to;
+    beside : (f n, 6), overwritten by each point's stiffness, as a block;
+    axes : (9, m), of :func:`find_axes`.
     """
-    n = len(x) // len(widths)
+    n = len(gradient) // len(widths)
+    for i in range(len(beside)):
+        for c in range(6):
+            beside[i, c] = 0.0
     for e in range(len(neighbours.pairs)):
         i, j = neighbours.pairs[e, 0], neighbours.pairs[e, 1]
-        t0, t1, t2, u0, u1, u2, _, ahead, apart = axes_of_pair(x, i, j)
+        t0, t1, t2, u0, u1, u2 = axes[0, e], axes[1, e], axes[2, e], axes[3, e], axes[4, e], axes[5, e]
         width = 0.5 * (widths[i // n] + widths[j // n])
         across, along = neighbours.stiffness[e, 0], neighbours.stiffness[e, 1]
-        press = across * (apart - width * neighbours.distances[e])
-        shear = along * (ahead - neighbours.ahead[e] / (width * width))
+        press = across * (axes[8, e] - width * neighbours.distances[e])
+        shear = along * (axes[7, e] - neighbours.ahead[e] / (width * width))
         f0, f1, f2 = press * u0 + shear * t0, press * u1 + shear * t1, press * u2 + shear * t2
         gradient[i, 0] += f0
         gradient[i, 1] += f1
@@ -104,16 +112,16 @@ def add_neighbours(
         gradient[j, 0] -= f0
         gradient[j, 1] -= f1
         gradient[j, 2] -= f2
-        block = couplings[e]
-        block[0] = across * u0 * u0 + along * t0 * t0
-        block[1] = across * u0 * u1 + along * t0 * t1
-        block[2] = across * u0 * u2 + along * t0 * t2
-        block[3] = across * u1 * u1 + along * t1 * t1
-        block[4] = across * u1 * u2 + along * t1 * t2
-        block[5] = across * u2 * u2 + along * t2 * t2
-        for c in range(6):
-            blocks[i, c] += block[c]
-            blocks[j, c] += block[c]
+        xx, xy = across * u0 * u0 + along * t0 * t0, across * u0 * u1 + along * t0 * t1
+        xz, yy = across * u0 * u2 + along * t0 * t2, across * u1 * u1 + along * t1 * t1
+        yz, zz = across * u1 * u2 + along * t1 * t2, across * u2 * u2 + along * t2 * t2
+        for k in (i, j):
+            beside[k, 0] += xx
+            beside[k, 1] += xy
+            beside[k, 2] += xz
+            beside[k, 3] += yy
+            beside[k, 4] += yz
+            beside[k, 5] += zz
 
 
 @kernel
@@ -145,12 +153,11 @@ def add_lacking(moves: Floats, forces: Floats, lacking: Floats) -> None:
 
 
 @kernel
-def prepare_solve(blocks: Floats, pairs: Ints, couplings: Floats, inverses: Floats) -> None:
+def prepare_solve(blocks: Floats, beside: Floats, inverses: Floats) -> None:
     """Write the inverse blocks of each path's elimination.
 
     The inverse blocks are (f + 1, n, 6). The last row belongs to a sheet with equally moving paths, divided
-    by f: springs between the points of ``pairs`` (m, 2) drop out of the sheet's matrix, exactly where the
-    points are equally far along their paths.
+    by f: springs between the paths, ``beside`` (f n, 6), drop out of the sheet's matrix.
     """
     f, n, _ = blocks.shape
     for i in range(1, n - 1):
@@ -159,16 +166,11 @@ def prepare_solve(blocks: Floats, pairs: Ints, couplings: Floats, inverses: Floa
             for k in range(f):
                 total += blocks[k, i, c]
             inverses[f, i, c] = total / f
-    for e in range(len(pairs)):
-        i, j = pairs[e, 0] % n, pairs[e, 1] % n
-        for c in range(6):
-            inverses[f, i, c] -= couplings[e, c] / f
-            inverses[f, j, c] -= couplings[e, c] / f
     for i in range(1, n - 1):
         for k in range(f + 1):
             h = inverses[k, i]
             for c in range(6):
-                block = blocks[k, i, c] if k < f else h[c]
+                block = blocks[k, i, c] + beside[k * n + i, c] if k < f else h[c]
                 h[c] = block - (inverses[k, i - 1, c] if i > 1 else 0.0)
             a, b, c0, d, e0, g = h[0], h[1], h[2], h[3], h[4], h[5]
             size = 1.0 / (a * (d * g - e0 * e0) + b * (c0 * e0 - b * g) + c0 * (b * e0 - c0 * d))
@@ -178,8 +180,8 @@ def prepare_solve(blocks: Floats, pairs: Ints, couplings: Floats, inverses: Floa
 
 @reduction
 def newton_step(
-    gradient: Floats, blocks: Floats, pairs: Ints, couplings: Floats, inverses: Floats, left_over: float,
-    work: Floats, step: Floats,
+    gradient: Floats, blocks: Floats, neighbours: Neighbours, axes: Floats, inverses: Floats,
+    left_over: float, work: Floats, step: Floats,
 ) -> float:  # fmt: skip
     """Write Newton's step and return its slope.
 
@@ -188,7 +190,7 @@ def newton_step(
     more with more paths.
 
     gradient : (f, n, 3), 0 at the ends;
-    blocks, pairs, couplings, inverses : as of the functions above;
+    blocks, neighbours, axes, inverses : as of the functions above;
     left_over : part of the residual, in the norm of the preconditioner, at which the solution ends;
     work : (4, f + 1, n, 3), working memory;
     step : (f, n, 3), overwritten, 0 at the ends.
@@ -209,7 +211,7 @@ def newton_step(
             break
         for k in range(len(way)):
             way[k] = solved[k] + left / before * way[k]
-        multiply(blocks, pairs, couplings, work[2, :f], work[3, :f])
+        multiply(blocks, neighbours, axes, work[2, :f], work[3, :f])
         curvature = _dot(way, image)
         if not curvature > 0.0:
             break
@@ -272,7 +274,7 @@ def _precondition(  # noqa: PLR0912 -- each kernel more costs time to compile
 
 
 @vector_kernel
-def multiply(blocks: Floats, pairs: Ints, couplings: Floats, x: Floats, y: Floats) -> None:
+def multiply(blocks: Floats, neighbours: Neighbours, axes: Floats, x: Floats, y: Floats) -> None:
     """Write the product of the matrix with x. Both are (f, n, 3); the product is 0 at the ends."""
     f, n, _ = x.shape
     for k in range(f):
@@ -284,14 +286,16 @@ def multiply(blocks: Floats, pairs: Ints, couplings: Floats, x: Floats, y: Float
             y[k, i, 1] = h[1] * p + h[3] * q + h[4] * r - x[k, i - 1, 1] - x[k, i + 1, 1]
             y[k, i, 2] = h[2] * p + h[4] * q + h[5] * r - x[k, i - 1, 2] - x[k, i + 1, 2]
     a, b = x.reshape(f * n, 3), y.reshape(f * n, 3)
-    for e in range(len(pairs)):
-        i, j, h = pairs[e, 0], pairs[e, 1], couplings[e]
-        h0, h1, h2, h3, h4, h5 = h[0], h[1], h[2], h[3], h[4], h[5]
-        p, q, r = a[i, 0], a[i, 1], a[i, 2]
-        s, t, u = a[j, 0], a[j, 1], a[j, 2]
-        b[i, 0] -= h0 * s + h1 * t + h2 * u
-        b[i, 1] -= h1 * s + h3 * t + h4 * u
-        b[i, 2] -= h2 * s + h4 * t + h5 * u
-        b[j, 0] -= h0 * p + h1 * q + h2 * r
-        b[j, 1] -= h1 * p + h3 * q + h4 * r
-        b[j, 2] -= h2 * p + h4 * q + h5 * r
+    for e in range(len(neighbours.pairs)):
+        i, j = neighbours.pairs[e, 0], neighbours.pairs[e, 1]
+        t0, t1, t2, u0, u1, u2 = axes[0, e], axes[1, e], axes[2, e], axes[3, e], axes[4, e], axes[5, e]
+        p, q, r = a[i, 0] - a[j, 0], a[i, 1] - a[j, 1], a[i, 2] - a[j, 2]
+        press = neighbours.stiffness[e, 0] * (u0 * p + u1 * q + u2 * r)
+        shear = neighbours.stiffness[e, 1] * (t0 * p + t1 * q + t2 * r)
+        f0, f1, f2 = press * u0 + shear * t0, press * u1 + shear * t1, press * u2 + shear * t2
+        b[i, 0] += f0
+        b[i, 1] += f1
+        b[i, 2] += f2
+        b[j, 0] -= f0
+        b[j, 1] -= f1
+        b[j, 2] -= f2

@@ -12,7 +12,6 @@ import numpy as np
 
 from vtkmuscle.core.jit import vector_kernel
 from vtkmuscle.core.paths.bone_contact import Load
-from vtkmuscle.core.paths.equilibrium import axes_of_pair
 from vtkmuscle.core.paths.guides import Guides
 from vtkmuscle.core.paths.neighbours import Neighbours
 from vtkmuscle.core.types import FloatMap, Floats, Ints
@@ -140,8 +139,8 @@ def _responses(gradient: Floats, change: FloatMap, step: FloatMap) -> Iterator[F
 
 @vector_kernel
 def change_gradient(
-    x: Floats, velocity: Floats, held: Floats, neighbours: Neighbours, widths: Floats, widening: Floats,
-    wider: Floats, turning: Floats, change: Floats,
+    x: Floats, velocity: Floats, held: Floats, neighbours: Neighbours, axes: Floats, widths: Floats,
+    widening: Floats, wider: Floats, turning: Floats, change: Floats,
 ) -> None:  # fmt: skip
     """Write the change of the gradient with moving points.
 
@@ -151,6 +150,7 @@ def change_gradient(
 
     x, velocity : (f, n, 3), positions [mm], and velocities of the points;
     held : (f, n, 3, 3), stiffness of the holds on each point, bones included;
+    axes : (9, m), of :func:`~vtkmuscle.core.paths.equilibrium.find_axes`;
     widths, widening : (f,), widths of the paths, and change of the widths with the paths' lengths [1/mm];
     wider, turning : (f,), (f, n, 3), memory: rates of the paths' widths, and change of the tangents;
     change : (f, n, 3), overwritten, 0 at the ends.
@@ -175,11 +175,11 @@ def change_gradient(
                 turning[a, i, c] = after - before
                 bow = 2.0 * velocity[a, i, c] - before - after
                 change[a, i, c] = bow + (h[0] * v0 + h[1] * v1 + h[2] * v2)
-    p, by = x.reshape(f * n, 3), change.reshape(f * n, 3)
-    going, turns = velocity.reshape(f * n, 3), turning.reshape(f * n, 3)
+    by, going, turns = change.reshape(f * n, 3), velocity.reshape(f * n, 3), turning.reshape(f * n, 3)
     for e in range(len(neighbours.pairs)):
         i, j = neighbours.pairs[e, 0], neighbours.pairs[e, 1]
-        t0, t1, t2, u0, u1, u2, size, ahead, apart = axes_of_pair(p, i, j)
+        t0, t1, t2, u0, u1, u2 = axes[0, e], axes[1, e], axes[2, e], axes[3, e], axes[4, e], axes[5, e]
+        size, ahead, apart = axes[6, e], axes[7, e], axes[8, e]
         if not size > 0.0:
             continue
         per_size, per_apart = 1.0 / size, 1.0 / apart if apart > 0.0 else 0.0

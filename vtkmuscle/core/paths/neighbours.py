@@ -113,7 +113,7 @@ def _nearest_across(fibres: Floats, count: int, same: float) -> Ints:
 
 
 def _tangents(fibres: Floats) -> Floats:
-    """Return the directions of fibres (f, n, 3), as of :func:`axes_of_pair`."""
+    """Return the sums of the segments beside each point of fibres (f, n, 3), 0 at the ends."""
     tangents = np.zeros_like(fibres)
     tangents[:, 1:-1] = fibres[:, 2:] - fibres[:, :-2]
     return tangents

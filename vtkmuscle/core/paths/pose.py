@@ -124,8 +124,9 @@ class SheetPose:
         nothing = np.zeros((len(sheet.rings), f), dtype=np.int64)
         self.ring_points = nothing if ring_points is None else ring_points.copy()
         self.gradient, self.way, self.steps = np.zeros(shape), np.empty(shape), 0
-        self._blocks, pairs = np.zeros((f, n, 6)), sheet.neighbours.pairs
-        self._matrix = self._blocks, pairs, np.empty((len(pairs), 6))
+        self._blocks, self._beside = np.zeros((f, n, 6)), np.empty((f * n, 6))
+        self._axes = np.empty((9, len(sheet.neighbours.pairs)))
+        self._matrix = self._blocks, sheet.neighbours, self._axes
         self._inverses, self._work = np.empty((f + 1, n, 6)), np.empty((4, f + 1, n, 3))
         self._pressure = np.zeros((len(sheet.contacts.numbers), f, n))
         self._ring_pressure = np.zeros((len(sheet.rings), f, n))
@@ -142,9 +143,11 @@ class SheetPose:
         """Compute the energy's gradient and stiffness. Positions x (f, n, 3) are about the middle."""
         self.x, gradient, blocks, near = x, self.gradient, self._blocks, self._near
         equilibrium.add_springs(x, self._held, self._pull, gradient, blocks)
-        sheet, flat = self._sheet, (gradient.reshape(-1, 3), blocks.reshape(-1, 6))
-        widths = path_widths(x, sheet.lengths)
-        equilibrium.add_neighbours(x.reshape(-1, 3), *flat, sheet.neighbours, widths, self._matrix[2])
+        sheet, widths = self._sheet, path_widths(x, self._sheet.lengths)
+        equilibrium.find_axes(x.reshape(-1, 3), sheet.neighbours.pairs, self._axes)
+        equilibrium.add_neighbours(
+            gradient.reshape(-1, 3), self._beside, sheet.neighbours, widths, self._axes
+        )
         contacts, shape = sheet.contacts, self._pressure.shape
         contacts.update(x, near)
         gaps, normals = near.gaps.reshape(shape), near.normals.reshape(*shape, 3)
@@ -207,7 +210,7 @@ class SheetPose:
     def step(self) -> float:
         """Compute Newton's step, ``way``, and return its slope."""
         self.steps += 1
-        equilibrium.prepare_solve(*self._matrix, self._inverses)
+        equilibrium.prepare_solve(self._blocks, self._beside, self._inverses)
         return self._solve(self.gradient)
 
     def _solve(self, gradient: Floats) -> float:
@@ -257,11 +260,11 @@ class SheetPose:
         for load in loads.values():
             held += load.stiffness
         widths = path_widths(x, sheet.lengths), widening(x, sheet.lengths)
-        equilibrium.prepare_solve(*self._matrix, self._inverses)
+        equilibrium.prepare_solve(self._blocks, self._beside, self._inverses)
 
         def change(velocity: Floats) -> Floats:
             result, memory = np.empty_like(velocity), (np.empty(len(x)), np.empty_like(velocity))
-            change_gradient(x, velocity, held, sheet.neighbours, *widths, *memory, result)
+            change_gradient(x, velocity, held, sheet.neighbours, self._axes, *widths, *memory, result)
             return result
 
         def step(gradient: Floats) -> Floats:
