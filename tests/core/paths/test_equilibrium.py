@@ -101,7 +101,7 @@ class Sheet:
         return total
 
     def slopes(self, x):
-        """Return the gradient (f, n, 3), and its stiffness: blocks (f, n, 6), beside (f n, 6), axes (9, m)."""
+        """Return the gradient (f, n, 3); of its stiffness blocks (f, n, 6), beside (f n, 6), axes (9, m)."""
         gradient, blocks = np.zeros_like(x), np.zeros((*x.shape[:2], 6))
         beside, axes = np.empty((blocks.size // 6, 6)), np.empty((9, len(self.neighbours.pairs)))
         add_springs(x, self.held, self.pull, gradient, blocks)
