@@ -165,6 +165,18 @@ def test_a_step_of_newtons_method_solves_its_equations(rng, left_over, off):
     assert slope < 0.0
 
 
+def test_a_step_goes_downhill_though_a_bone_bends_the_matrix(rng):
+    sheet = Sheet(rng)
+    gradient, blocks, beside, axes = sheet.slopes(sheet.x)
+    gradient[:, [0, -1]] = 0.0
+    f, n, _ = gradient.shape
+    inverses, work, step = np.empty((f + 1, n, 6)), np.empty((4, f + 1, n, 3)), np.empty_like(gradient)
+    blocks[..., [0, 3, 5]] -= 200.0
+    prepare_solve(blocks, beside, inverses)
+    assert newton_step(gradient, blocks, sheet.neighbours, axes, inverses, 0.1, work, step) < 0.0
+    assert (gradient * step).sum() < 0.0
+
+
 def test_the_load_of_a_ball_is_the_slope_of_its_force(rng):
     """In closed form, in a bone that is turned: it pushes along the radius, and its normals turn."""
     ball = pv.Icosphere(radius=30.0, nsub=5)

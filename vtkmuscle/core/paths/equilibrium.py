@@ -19,6 +19,9 @@ from vtkmuscle.core.types import Floats, Ints
 #: method takes the same number of steps.
 STEP_LEFT = 0.1
 
+#: A step of steepest descent, in gradients: no spring is stiffer than a bone, which is 100 times as stiff.
+STEEPEST = 0.01
+
 #: Iterations of conjugate gradients in a step of Newton's method, at most.
 STEPS = 60
 
@@ -187,7 +190,8 @@ def newton_step(
 
     The step is (f, n, 3); the slope, gradient . step, is negative. Conjugate gradients solve for the step,
     preconditioned by the solutions of single paths and of the sheet as a whole. The sheet's solution helps
-    more with more paths.
+    more with more paths. Where the matrix is not positive definite, as where bones curve sharply, the step is
+    along the gradient.
 
     gradient : (f, n, 3), 0 at the ends;
     blocks, neighbours, axes, inverses : as of the functions above;
@@ -219,6 +223,9 @@ def newton_step(
         for k in range(len(way)):
             result[k] += part * way[k]
             residual[k] -= part * image[k]
+    if not _dot(down, result) < 0.0:
+        for k in range(len(down)):
+            result[k] = -STEEPEST * down[k]
     return _dot(down, result)
 
 
