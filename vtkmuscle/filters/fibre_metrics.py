@@ -150,8 +150,7 @@ class FibreMetrics(Filter):
         muscle.closed("but architecture needs a closed surface")
         if not lengths.max() > 0.0:
             raise InputError("", "architecture needs fibres with a length, but all lengths are 0")
-        direction = measures.line_of_action(lines.points, lines.offsets)
-        angles = measures.angles_to(lines.points, lines.offsets, direction)
+        direction, angles = measures.line_of_action(lines.points, lines.offsets)
         volume = abs(signed_volume(muscle.points, muscle.triangles))
         area, along = measures.physiological_cross_section(volume, lengths, angles)
         path = measures.centroid_path(lines.points, lines.offsets, PATH_POINTS)
