@@ -54,7 +54,7 @@ class FibreMetrics(Filter):
         and the line of action, and the field arrays ``MuscleVolume`` [mm^3], ``LineOfAction`` (3),
         ``CentroidPath`` (21, 3) [mm], ``PCSA`` (volume / mean length) and ``PCSALine`` (its part along the
         line of action) [mm^2]. Paths: the cell arrays ``PathLength``, ``PathRestLength`` and ``PathPoints``
-        (3 n) [mm], ``Squeezed``, ``Sag`` and ``Lever_COORDINATE`` (:mod:`vtkmuscle.data.paths`).
+        (3 n) [mm], ``Squeezed``, ``Sag``, levers and bows (:mod:`vtkmuscle.data.paths`).
 
     Raises
     ------
