@@ -11,6 +11,7 @@ from unittest.mock import patch
 
 import how_right  # noqa: F401 -- finds the phantoms of the tests
 import numpy as np
+from lifting_cords import lifting_cords
 from phantoms import pulleys
 from phantoms.cords import cord
 from phantoms.straps import block, end_ring, round_ring, strap
@@ -92,6 +93,8 @@ def held_out() -> Iterator[tuple[str, Phantom, str | None]]:
     for radius, thickness, angles in ((40.0, 6.0, (0, 81)), (12.0, 12.0, (-60, 1))):
         with sized(one_hinge, RADIUS=radius, THICKNESS=thickness):
             yield f"cylinder of {radius:g} mm", wrapping_cylinder(angles=range(*angles, 5)), None
+    for name, phantom in lifting_cords():
+        yield name, phantom, None
 
 
 def _cord(radii: list[float], middle: float) -> Phantom:

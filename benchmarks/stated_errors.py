@@ -23,6 +23,7 @@ from scipy.interpolate import CubicSpline
 from vtkmuscle.core.fibres.measures import MODEL
 from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.core.paths.sheet import POINTS
+from vtkmuscle.data.paths import levers_over_time
 from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run.frames import MuscleTrack
 
@@ -46,12 +47,17 @@ class Stated:
     def total(self, coefficient: float = MODEL) -> Floats:
         """Return the stated error with another coefficient of the model's part."""
         model = self.parts["model"] * coefficient / MODEL
-        return np.sqrt(model**2 + self.parts["sampling"] ** 2 + self.parts["numerical"] ** 2)
+        return np.sqrt(model**2 + self._known)
+
+    @property
+    def _known(self) -> Floats:
+        """The sum of squares of all parts but the model's."""
+        return np.square([self.parts[part] for part in ("sampling", "numerical", "bow")]).sum(axis=0)
 
     @property
     def needed(self) -> float:
         """The least coefficient that covers 95 % of the poses."""
-        rest = np.maximum(self.true**2 - self.parts["sampling"] ** 2 - self.parts["numerical"] ** 2, 0.0)
+        rest = np.maximum(self.true**2 - self._known, 0.0)
         model = self.parts["model"] / MODEL
         return float(np.quantile(np.sqrt(rest)[model > 0.0] / model[model > 0.0], HELD, method="lower"))
 
@@ -93,7 +99,8 @@ def stated(case: Known, n_fibres: int = N_FIBRES, **paths: int) -> dict[str, Sta
     change, found = np.mean(track.lengths, axis=1) - track.rest_lengths.mean(), {}
     known = case.answers
     if case.quantity == "moment arm":
-        (arms,) = joint_arms(track.lengths, track.levers(), case.motion, ratios=track.ratios)[0].values()
+        more = {"ratios": track.ratios, "bows": levers_over_time(track.bows)}
+        (arms,) = joint_arms(track.lengths, track.levers(), case.motion, **more)[0].values()
         found["arm"] = Stated(np.abs(arms.mean - case.answers[arms.frames]), dict(arms.errors))
         order = np.argsort(case.places)
         angles = np.radians(case.places)

@@ -34,7 +34,7 @@ class Made:
         self.motion = SimpleNamespace(coordinates={self.coordinate: Coordinate(self.angles, "deg")})
         arms = JointArms(
             *(self.coordinate, "deg", "", np.arange(len(rows)), self.angles, np.ones(len(rows))),
-            *(rows, rows, None, None),
+            *(np.zeros(len(rows)), rows, rows, None, None),
         )
         self.report["muscles"][self.muscle]["moment_arms"] = {self.coordinate: {}}
         self.all_arms = {self.muscle: {self.coordinate: arms}}

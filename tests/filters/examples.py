@@ -119,7 +119,7 @@ def paths(time=4.0):
     count, rest = data.GetNumberOfCells(), points_of(data)
     moved = rest + np.tile(np.linspace(0.0, 1.0, len(rest) // count), count)[:, None] * (0.0, -time, 0.0)
     data = with_points(data, moved)
-    cells = {name: np.zeros(count) for name in ("Squeezed", "Sag")}
+    cells = {name: np.zeros(count) for name in ("Squeezed", "Sag", "Bow")}
     add_arrays(data, points={"RestPosition": rest}, cells=cells)
     for name, at in (("Length", moved), ("RestLength", rest)):
         steps = np.diff(at.reshape(count, -1, 3), axis=1)

@@ -127,7 +127,7 @@ def paths_at(angle):
     lengths = np.linalg.norm(pull, axis=1)
     levers = np.cross(points[:, 1], pull / lengths[:, None])[:, 0]
     rest = np.array(lines_at(0.0).GetPoints().GetData())
-    cells = {"Length": lengths, "RestLength": lengths, "Lever_knee": levers}
+    cells = {"Length": lengths, "RestLength": lengths, "Bow": 0.0 * lengths, "Lever_knee": levers}
     return add_arrays(data, points={"RestPosition": rest}, cells=cells)
 
 

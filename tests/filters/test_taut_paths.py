@@ -190,6 +190,22 @@ def test_levers_are_slopes_of_lengths_and_may_be_left_out():
     np.testing.assert_allclose(cell_array(without, "Length", ""), lengths(paths, 30.0), atol=0.02)
 
 
+@pytest.mark.parametrize(("angle", "free"), [(0.0, 0.0), (10.0, 0.0), (50.0, 1.0)])
+def test_the_bow_of_a_path_off_its_bone_is_what_the_straight_line_lacks(angle, free):
+    """The strap lies on a roller up to 30 degrees; then the straight way is free."""
+    paths, bow, straight = paths_of("lifting_strap", "strap"), {}, {}
+    for time in (angle, angle + 2.0):
+        out = paths.update(time=time).output
+        ends = polylines_of(out, "test").points.reshape(16, -1, 3)[:, [0, -1]]
+        straight[time] = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        names = "Length", "Bow", LEVERS + "distal_angle", "BowLever_distal_angle"
+        length, bow[time], lever, of_lever = (cell_array(out, name, "test") for name in names)
+        np.testing.assert_allclose(bow[time], free * (length - straight[time]), atol=0.02)
+    assert (bow[angle].max() > 0.3) == bool(free)
+    slopes = (straight[angle] - straight[angle + 2.0]) / np.radians(2.0)
+    np.testing.assert_allclose(of_lever, free * (lever - slopes), atol=1.0)
+
+
 def test_without_fibres_lines_over_the_surface_stand_in():
     lines = paths_of(*CASES[3], rest_fibres=None).update(time=30.0).output
     fibres = paths_of(*CASES[3]).update(time=30.0).output

@@ -89,10 +89,10 @@ def test_of_many_muscles_a_line_is_shown_and_the_numbers_on_demand(run_folder, m
 
 def test_errors_of_means_are_a_table_and_bands(run_folder):
     other = changed(run_folder[1])
-    sizes = dict.fromkeys(("total_mm", "model_mm", "sampling_mm", "numerical_mm"), 0.125)
+    sizes = dict.fromkeys(("total_mm", "model_mm", "sampling_mm", "numerical_mm", "bow_mm"), 0.125)
     other.report["muscles"]["spindle"]["errors"] = sizes | {"total_mm": None}
     words = " ".join(words_of(page_of(other)).split())
-    assert "numerical spindle change of length \u2013 0.12 0.12 0.12" in words
+    assert "numerical bow spindle change of length \u2013 0.12 0.12 0.12 0.12" in words
     low, high = np.array(curves_of(other, Pack())["muscles"][0]["lengths"]["held"])
     assert high - low == pytest.approx(2.0 * other._tracks["spindle"].errors()["total"], abs=0.03)
 
@@ -102,7 +102,7 @@ def test_a_muscle_that_failed_on_the_way_shows_the_frames_it_has(run_folder):
     track = copy.copy(result._tracks["spindle"])
     track.report = {**track.report, "frames": track.report["frames"][:2]}
     track.surfaces, track.fibres, track.lengths = track.surfaces[:2], track.fibres[:2], track.lengths[:2]
-    track.segment_errors = track.segment_errors[:2]
+    track.segment_errors, track.bows = track.segment_errors[:2], track.bows[:2]
     report = copy.deepcopy(dict(result.report))
     report["muscles"]["spindle"]["frames"] = report["muscles"]["spindle"]["frames"][:2]
     other = Result(result.rest_bones(), result.motion, {**result._tracks, "spindle": track}, report)

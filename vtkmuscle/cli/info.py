@@ -54,8 +54,7 @@ def draw_landmarks(file: Path, picture: Path) -> None:
         if len(points) <= 3 * MOST_LISTED:
             for number, (name, point) in enumerate(zip(names, points, strict=False)):
                 axes.annotate((name or str(number)).replace("$", r"\$"), point[[across, up]], fontsize=7)
-        axes.set_xlabel("xyz"[across])
-        axes.set_ylabel("xyz"[up])
+        axes.set(xlabel="xyz"[across], ylabel="xyz"[up])
         axes.set_aspect("equal", adjustable="datalim")
     form = picture.suffix.lower().lstrip(".")
     save_figure(figure, picture, form if form in ("pdf", "svg") else "png")

@@ -69,11 +69,8 @@ def joined_triangles(surface: vtkPolyData) -> tuple[vtkPolyData, list[str]]:
     n_open = int((edge_uses(triangles) == 1).sum())
     if not n_open:
         return surface, changes
-    order = np.lexsort(points.T)
-    first = np.append(True, (np.diff(points[order], axis=0) != 0.0).any(axis=1))
-    group = np.empty(len(points), dtype=np.int64)
-    group[order] = np.minimum.reduceat(order, np.flatnonzero(first))[np.cumsum(first) - 1]
-    kept, number = np.unique(group, return_inverse=True)
+    _, first, group = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    kept, number = np.unique(first[group.reshape(-1)], return_inverse=True)
     joined = number[triangles]
     faces = np.flatnonzero((joined != np.roll(joined, 1, axis=1)).all(axis=1))
     if len(kept) == len(points) or (edge_uses(joined[faces]) == 1).sum() >= n_open:
@@ -168,10 +165,9 @@ class Polylines:
         result.GetFieldData().ShallowCopy(data.GetFieldData())
         if np.array_equal(self.offsets, offsets):
             order = vtk_to_numpy(data.GetLines().GetConnectivityArray())
-            for i in range(data.GetPointData().GetNumberOfArrays()):
-                array = data.GetPointData().GetArray(i)
-                if array is not None:
-                    add_arrays(result, points={array.GetName(): vtk_to_numpy(array)[order]})
+            every = map(data.GetPointData().GetArray, range(data.GetPointData().GetNumberOfArrays()))
+            of_points = {each.GetName(): vtk_to_numpy(each)[order] for each in every if each is not None}
+            add_arrays(result, points=of_points)
         return result
 
 

@@ -1,8 +1,9 @@
 """A muscle's paths as polylines, and as cell arrays of fibres.
 
 Paths have the point array ``RestPosition`` (3) and the cell arrays ``Lever_COORDINATE``, lever of the pull
-(minus change of length per coordinate), ``Squeezed``, missing room between two bones, and ``Sag``, depth to
-which straight segments cut into bones. Fibres with path data have the cell arrays of the paths,
+(minus change of length per coordinate), ``Squeezed``, missing room between two bones, ``Sag``, depth to which
+straight segments cut into bones, and ``Bow`` and ``BowLever_COORDINATE``, parts of length and lever that are
+of a bow off the bones. Fibres with path data have the cell arrays of the paths,
 ``PathLength`` and ``PathRestLength`` (k,), musculotendon length now and at rest, and ``PathPoints`` (k, 3 n).
 Superficial fibres are lines seen on a muscle's surface.
 """
@@ -32,7 +33,7 @@ def checked_superficial(data: vtkPolyData, where: str) -> Polylines:
 #: Point array of paths: positions at rest.
 REST_POSITION = "RestPosition"
 #: Cell arrays of paths, and of fibres with path data.
-SQUEEZED, SAG, LEVER = "Squeezed", "Sag", "Lever_"
+SQUEEZED, SAG, LEVER, BOW, BOW_LEVER = "Squeezed", "Sag", "Lever_", "Bow", "BowLever_"
 #: Cell array of paths, and field arrays; lengths and levers of an unsettled sheet are NaN.
 LENGTH, REST_LENGTH, UNSETTLED, PATH_STEPS = "Length", "RestLength", "Unsettled", "PathSteps"
 #: Cell arrays of fibres with path data.
@@ -59,26 +60,27 @@ def path_lines_of(data: vtkPolyData, where: str) -> PathLines | None:
 class Paths(NamedTuple):
     """A muscle's paths in a pose. Lengths and rest lengths (k,), points (k, n, 3) and levers (k,).
 
-    Levers are by coordinate, per radian or millimetre, positive if the pull increases the coordinate.
+    Levers are by coordinate, per radian or millimetre, positive if the pull increases the coordinate. Bows
+    (k,) are the parts of lengths, by "", and of levers, by coordinate, of :mod:`~vtkmuscle.core.paths.bows`.
     """
 
     lengths: Floats
     rest_lengths: Floats
     points: Floats
     levers: dict[str, Floats]
+    bows: dict[str, Floats]
 
 
 def add_path_arrays(fibres: vtkPolyData, paths: PathLines, where: str) -> None:
-    """Add lengths, points, ``Squeezed``, ``Sag`` and levers of paths to fibres, one for each path."""
+    """Add lengths, points, ``Squeezed``, ``Sag``, levers and bows of paths to fibres, one for each path."""
     count, cells = fibres.GetNumberOfCells(), paths.data.GetCellData()
     if len(paths.points) != count:
         problem = f"there are {len(paths.points)} paths, but {count} fibres"
         raise InputError(where, problem, "connect TautPaths for the same fibres")
-    lengths, rest = (cell_array(paths.data, name, where) for name in (LENGTH, REST_LENGTH))
-    arrays = {PATH_LENGTH: lengths, PATH_REST: rest, PATH_POINTS: paths.points.reshape(count, -1)}
-    for name in (SQUEEZED, SAG, *names_of(LEVER, cells).values()):
-        arrays[name] = cell_array(paths.data, name, where)
-    add_arrays(fibres, cells=arrays)
+    kept = SQUEEZED, SAG, BOW, *names_of(LEVER, cells).values(), *names_of(BOW_LEVER, cells).values()
+    names = {PATH_LENGTH: LENGTH, PATH_REST: REST_LENGTH, **dict(zip(kept, kept, strict=True))}
+    arrays = {own: cell_array(paths.data, name, where) for own, name in names.items()}
+    add_arrays(fibres, cells=arrays | {PATH_POINTS: paths.points.reshape(count, -1)})
 
 
 def paths_of(fibres: vtkPolyData, where: str) -> Paths | None:
@@ -95,11 +97,12 @@ def paths_of(fibres: vtkPolyData, where: str) -> Paths | None:
     else:
         return None
     levers = {name: values(array) for name, array in names_of(LEVER, data).items()}
-    return Paths(lengths, rest, points.reshape(len(lengths), -1, 3), levers)
+    bows = {name: values(array) for name, array in {"": BOW, **names_of(BOW_LEVER, data)}.items()}
+    return Paths(lengths, rest, points.reshape(len(lengths), -1, 3), levers, bows)
 
 
-def levers_over_time(frames: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:
-    """Return levers (f, k) by coordinate, NaN if missing."""
-    shapes = {name: levers.shape for frame in frames for name, levers in frame.items()}
+def levers_over_time(frames: Sequence[Mapping[str, Floats | float]]) -> dict[str, Floats]:
+    """Return levers (f, k), or means (f,), by coordinate, NaN if missing."""
+    shapes = {name: np.shape(levers) for frame in frames for name, levers in frame.items()}
     missing = {name: np.full(shape, np.nan) for name, shape in shapes.items()}
     return {name: np.array([frame.get(name, nan) for frame in frames]) for name, nan in missing.items()}

@@ -54,7 +54,7 @@ class FibreMetrics(Filter):
         and the line of action, and the field arrays ``MuscleVolume`` [mm^3], ``LineOfAction`` (3),
         ``CentroidPath`` (21, 3) [mm], ``PCSA`` (volume / mean length) and ``PCSALine`` (its part along the
         line of action) [mm^2]. Paths: the cell arrays ``PathLength``, ``PathRestLength`` and ``PathPoints``
-        (3 n) [mm], ``Squeezed``, ``Sag`` and ``Lever_COORDINATE`` (:mod:`vtkmuscle.data.paths`).
+        (3 n) [mm], ``Squeezed``, ``Sag``, levers and bows (:mod:`vtkmuscle.data.paths`).
 
     Raises
     ------
@@ -150,8 +150,7 @@ class FibreMetrics(Filter):
         muscle.closed("but architecture needs a closed surface")
         if not lengths.max() > 0.0:
             raise InputError("", "architecture needs fibres with a length, but all lengths are 0")
-        direction = measures.line_of_action(lines.points, lines.offsets)
-        angles = measures.angles_to(lines.points, lines.offsets, direction)
+        direction, angles = measures.line_of_action(lines.points, lines.offsets)
         volume = abs(signed_volume(muscle.points, muscle.triangles))
         area, along = measures.physiological_cross_section(volume, lengths, angles)
         path = measures.centroid_path(lines.points, lines.offsets, PATH_POINTS)

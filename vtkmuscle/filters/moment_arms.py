@@ -9,8 +9,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.moment_arms.levers import differences_by, interval_among
-from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, known_coordinates
+from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, known_coordinates, slopes_by
 from vtkmuscle.core.motion.coordinates import ANGLES, MILLIMETRES, Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
@@ -153,14 +152,9 @@ class MomentArms(Filter):
 
 def _slopes(motion: RigidMotion, names: tuple[str, ...], lengths: Floats, now: float) -> dict[str, Floats]:
     """Return -dl/dq (k,) at a time by coordinate, where defined, of lengths (f, k)."""
-    arms = {}
-    for name in names:
-        differences = differences_by(motion, name, names)
-        interval = interval_among(differences.frames, motion.times, now)
-        if interval is not None:
-            (a, b, part), slopes = interval, differences.slopes(lengths)
-            arms[name] = -(1.0 - part) * slopes[a] - part * slopes[b]
-    return arms
+    rows = {name: slopes_by(motion, name, names, lengths).T for name in names}
+    arms = {name: np.array([np.interp(now, motion.times, row) for row in of]) for name, of in rows.items()}
+    return {name: values for name, values in arms.items() if np.isfinite(values).all()}
 
 
 def _resampled(motion: RigidMotion, times: Floats) -> RigidMotion:

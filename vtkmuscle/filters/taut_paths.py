@@ -12,15 +12,18 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.errors import errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.surface import mesh_topology
+from vtkmuscle.core.paths.bows import free_shares
 from vtkmuscle.core.paths.guides import ALL_PATHS, LEAST_PATHS
+from vtkmuscle.core.paths.levers import path_levers
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread, lines_on_surface
+from vtkmuscle.core.paths.neighbours import path_lengths
 from vtkmuscle.core.paths.poses import KeptPoses
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths
-from vtkmuscle.data.arrays import Polylines, add_arrays, array_of, polylines_from, vtk_array
+from vtkmuscle.data.arrays import Polylines, add_arrays, array_of, polylines_from
 from vtkmuscle.data.attachments import rings_by_bone
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
 from vtkmuscle.data.muscle_geometry import Surface
-from vtkmuscle.data.paths import LENGTH, LEVER, PATH_STEPS, REST_POSITION, SAG, SQUEEZED, UNSETTLED
+from vtkmuscle.data.paths import BOW_LEVER, LENGTH, LEVER, PATH_STEPS, REST_POSITION, SAG, SQUEEZED, UNSETTLED
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 from vtkmuscle.filters.base.parameters import quality_of
 
@@ -85,7 +88,9 @@ class TautPaths(Filter):
         the cell arrays ``Length``, ``RestLength`` [mm], ``Ratio`` (Length / RestLength), ``Contact`` (number
         of points under pressure from bones or rings), ``Squeezed``, missing room between two bones [mm],
         ``Sag``, depth to which straight segments cut into bones [mm], about the error of the lever, and
-        ``Lever_COORDINATE``, moment arm for each coordinate of the bones' twists [mm]; the field arrays
+        ``Lever_COORDINATE``, moment arm for each coordinate of the bones' twists [mm], ``Bow`` [mm] and
+        ``BowLever_COORDINATE``, parts of length and lever beyond those of the straight line, for paths off
+        the bones that bent them at rest (:mod:`vtkmuscle.core.paths.bows`); the field arrays
         ``Unsettled``, 1 if the sheet did not come to rest, here or at rest, and ``PathSteps``, steps of
         Newton's method. Lengths, ratios and levers of an unsettled sheet are NaN.
 
@@ -149,7 +154,7 @@ class TautPaths(Filter):
         kept = self.once("paths", (fixed, rest_bones, self.resolution, self.n_paths), _paths_at_rest)
         if kept is None:
             return vtkPolyData()
-        poses, rest_positions, rest_lengths = kept
+        poses, end_bones, held = kept
         state = poses.at(bones.transforms, memory=self.checkpoint_memory * 1e6)
         self.report_progress(1.0)
         levers = poses.levers(bones.transforms, bones.twists) if self.levers else {}
@@ -159,23 +164,28 @@ class TautPaths(Filter):
             result = polylines_from(Polylines(points, offsets))
         else:
             result = rest_fibres.moved(points, offsets)
-        result.GetPointData().AddArray(rest_positions)
-        result.GetCellData().AddArray(rest_lengths)
         rest = poses.rest
         settled = state.settled and rest.settled
         measures = {LENGTH: state.lengths, "Ratio": state.lengths / rest.lengths}
         measures |= {array_of(LEVER, name): values for name, values in levers.items()}
+        free, lines = state.per_fibre(free_shares(state, held)), state.paths[:, [0, -1]]
+        measures["Bow"] = free * (state.lengths - path_lengths(lines))
+        twists = np.array([bones.twists[name] for name in levers]).reshape(-1, len(bones.transforms), 6)
+        alone: Any = {}, twists, np.zeros_like(lines), (np.zeros_like, np.zeros_like)
+        for name, lever in zip(levers, path_levers(lines, end_bones, *alone), strict=True):
+            measures[array_of(BOW_LEVER, name)] = free * (levers[name] - lever)
         of_solved = {"Contact": state.contacts, SQUEEZED: state.squeezed, SAG: state.sags}
         cells = {name: state.per_fibre(values) for name, values in of_solved.items()}
         cells |= {name: values if settled else np.full(count, np.nan) for name, values in measures.items()}
+        cells["RestLength"], rest_points = rest.lengths, {REST_POSITION: rest.paths.reshape(-1, 3)}
         fields = {UNSETTLED: int(not settled), PATH_STEPS: state.steps}
-        return add_arrays(result, cells=cells, fields=fields)
+        return add_arrays(result, points=rest_points, cells=cells, fields=fields)
 
 
 def _paths_at_rest(
     muscle: FixedMuscle, bones: RestBones, resolution: int, n_paths: int
 ) -> tuple[KeptPoses, Any, Any] | None:
-    """Return the paths, with points and lengths at rest as arrays for all outputs; None for no paths."""
+    """Return the paths, the bones of all ends, and the free shares of bows at rest; None for no paths."""
     points, triangles, fixed_to, fibres, rings = muscle
     if fibres is None:
         fibres = lines_on_surface(points, mesh_topology(len(points), triangles), fixed_to)
@@ -185,5 +195,4 @@ def _paths_at_rest(
     with errors_at("rest_fibres"):
         ends = bones_at_ends(paths, points, fixed_to)
         made = MusclePaths(paths, *ends, (points, triangles), bones.shapes, rings=rings, n_paths=n_paths)
-    positions = vtk_array(made.rest.paths.reshape(-1, 3), REST_POSITION)
-    return KeptPoses(made), positions, vtk_array(made.rest.lengths, "RestLength")
+    return KeptPoses(made), ends, free_shares(made.rest)

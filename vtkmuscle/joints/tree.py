@@ -166,8 +166,7 @@ class KinematicTree:
         """Return a coordinate by name; an unknown name raises a ValueError."""
         by_name = {coordinate.name: coordinate for coordinate in self.coordinates}
         if name not in by_name:
-            problem = f"{where}there is no coordinate {name!r}; {suggestion(name, sorted(by_name))}"
-            raise InputError("", problem)
+            raise InputError("", f"{where}there is no coordinate {name!r}", suggestion(name, sorted(by_name)))
         return by_name[name]
 
     def completed(self, values: Mapping[str, ArrayLike]) -> dict[str, Floats]:

@@ -219,8 +219,7 @@ def with_tendon(
 
 def taut_line(start: Floats, end: Floats, bones: Sequence[Solids], radius: float) -> Floats:
     """Return the shortest line (24, 3) outside bones [mm]."""
-    fraction = np.linspace(0.0, 1.0, _POINTS)[:, None]
-    line: Floats = (1.0 - fraction) * start + fraction * end
+    line: Floats = np.linspace(start, end, _POINTS)
     clearance = np.minimum(radius, np.linalg.norm(line - end, axis=1))
     for _ in range(_ROUNDS):
         before = line.copy()

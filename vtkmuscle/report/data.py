@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -263,35 +263,35 @@ def _curves(run: Result, name: str, colour: str, pack: Pack) -> dict[str, Any]:
 
 
 def _lengths(lengths: Floats, pack: Pack, error: Floats | float = np.nan) -> dict[str, Any]:
-    lower, upper = np.percentile(lengths, (25.0, 75.0), axis=1)
-    mean = lengths.mean(axis=1)
+    quartiles = rounded(np.percentile(lengths, (25.0, 75.0), axis=1))
     drawn = shown_of(lengths.shape[1])
     return {
-        "mean": rounded(mean),
-        "low": rounded(lengths.min(axis=1)),
-        "high": rounded(lengths.max(axis=1)),
-        "lower": rounded(lower),
-        "upper": rounded(upper),
-        "held": rounded([mean - error, mean + error]),
+        **_band(lengths, error),
+        **dict(zip(("lower", "upper"), quartiles, strict=True)),
         "fibres": pack.add(lengths[:, drawn], "f32"),
         "drawn": len(drawn),
     }
 
 
+def _band(values: Floats, error: Any, drawn: Callable[[Floats], Floats] = np.asarray) -> dict[str, Any]:
+    """Return mean, range, and mean with error, of values (f, k)."""
+    mean = values.mean(axis=1)
+    rows = {"mean": mean, "low": values.min(axis=1), "high": values.max(axis=1)}
+    held = rounded([drawn(mean - error), drawn(mean + error)])
+    return {key: rounded(drawn(row)) for key, row in rows.items()} | {"held": held}
+
+
 def _arms(arms: JointArms, published: Sequence[LiteratureCurve]) -> dict[str, Any]:
     # A sweep up and down repeats values: curves are drawn by ascending value. Gaps have the pose before.
-    mean, error, poses = map(arms.drawn, (arms.mean, arms.errors["total"], np.c_[arms.values, arms.frames]))
-    unit, gaps = ANGLES.get(arms.unit), np.flatnonzero(np.isnan(mean))
+    poses, unit = arms.drawn(np.c_[arms.values, arms.frames]), ANGLES.get(arms.unit)
+    gaps = np.flatnonzero(np.isnan(poses[:, 0]))
     poses[gaps] = poses[gaps - 1]
     return {
         "values": rounded(poses[:, 0]),
         "frames": rounded(poses[:, 1]),
-        "mean": rounded(mean),
-        "low": rounded(arms.drawn(arms.arms.min(axis=1))),
-        "high": rounded(arms.drawn(arms.arms.max(axis=1))),
+        **_band(arms.arms, arms.errors["total"], arms.drawn),
         "quartic": None if arms.quartic is None else rounded(arms.drawn(arms.quartic.mean(axis=1))),
         "literature": [] if unit is None else list(published_curves(published, math.pi / 180.0 / unit)),
-        "held": rounded([mean - error, mean + error]),
     }
 
 

@@ -187,7 +187,8 @@ class MuscleTrack:
 
     ``rest`` has the point array ``FixedTo``; ``surfaces`` are empty without a deformer, ``fibres`` where a
     muscle has none. Lengths of paths and of fibres are (k,) per frame [mm], ``rest_lengths`` (k,) those of
-    paths at rest, ``segment_errors`` those of mean path lengths; a muscle on a single bone has no paths.
+    paths at rest, ``segment_errors`` those of mean path lengths, ``bows`` means over the paths [mm]; a muscle
+    on a single bone has no paths.
     ``report`` is the muscle's part of the report, JSON-able, and ``failure`` the frame and time of a failure,
     and the reason. ``arms`` keeps what a result has found by the coordinates that were asked for.
     """
@@ -200,6 +201,7 @@ class MuscleTrack:
     fibre_lengths: list[Floats] = field(default_factory=list)
     rest_lengths: Floats = field(default_factory=lambda: np.zeros(0))
     segment_errors: list[float] = field(default_factory=list)
+    bows: list[dict[str, float]] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
     failure: tuple[int, float, Exception] | None = None
     arms: dict[tuple[str, ...], Any] = field(default_factory=dict)
@@ -227,7 +229,8 @@ class MuscleTrack:
         if not self.lengths:
             return {}
         changes = np.array(self.lengths) - self.rest_lengths
-        return mean_errors(changes, self.ratios, np.array(self.segment_errors))
+        known = {"numerical": np.array(self.segment_errors), "bow": levers_over_time(self.bows)[""]}
+        return mean_errors(changes, self.ratios, **known)
 
     def add_lengths(self, fibres: vtkPolyData, millimetres: float) -> None:
         """Add the fibre and path lengths of a frame. The numbers of the fibres are added too."""
@@ -237,3 +240,4 @@ class MuscleTrack:
             self.lengths.append(paths.lengths * millimetres)
             self.rest_lengths = paths.rest_lengths * millimetres
             self.segment_errors.append(float(segment_errors(paths.points).mean()) * millimetres)
+            self.bows.append({name: float(bow.mean()) * millimetres for name, bow in paths.bows.items()})

@@ -80,7 +80,9 @@ class MuscleMeasure:
         deformed muscle, ``transforms`` the transforms of the bones since rest. The report of the deformer
         has the volume and the numbers of edges.
         """
-        now = {bone: transforms.get(bone, np.eye(4)) for bone in self._bones}
+        now, held = {bone: transforms.get(bone, np.eye(4)) for bone in self._bones}, points.copy()
+        for i, bone in enumerate(self._bones):
+            held[self._fixed_to == i] = apply_transform(now[bone], self._rest[self._fixed_to == i])
         sides = surfaces.side_products(points, self._triangles)
         least, greatest, areas = surfaces.triangle_stretches(self._sides, sides)
         misshapen = (greatest > BEYOND * LONGEST) | (least < SHORTEST / BEYOND)
@@ -93,7 +95,7 @@ class MuscleMeasure:
             "folded_edges": int(folded.sum()),
             **self._sizes("penetration", depths, count="penetrating_points"),
             **self._sizes("penetration_new", grown),
-            "fixed_error_max_mm": self._fixed_error(points, now),
+            "fixed_error_max_mm": float(np.linalg.norm(points - held, axis=1).max()) * self._millimetres,
         }
 
     def overlap(self, points: Floats, others: Iterable[vtkPolyData]) -> dict[str, Any]:
@@ -101,13 +103,8 @@ class MuscleMeasure:
         depths = np.zeros(len(points))
         for other in others:
             np.maximum(depths, outward_tree(*checked_surface(other, "muscle")).depth(points), out=depths)
-        depths *= self._millimetres
-        inside = depths[depths > 0.0]
-        return {
-            "overlap_max_mm": float(depths.max()),
-            "overlap_p95_mm": float(np.percentile(inside, 95)) if len(inside) else 0.0,
-            "overlapping_points": len(inside),
-        }
+        inside = depths[depths > 0.0] if depths.any() else np.zeros(1)
+        return self._sizes("overlap", inside, count="overlapping_points")
 
     def depths(self, points: Floats, transforms: Mapping[str, Floats]) -> Floats | None:
         """Return the depths (n,) of points (n, 3) in bones. 0 outside; None without a bone with an inside."""
@@ -171,11 +168,3 @@ class MuscleMeasure:
         size = depths * self._millimetres
         sizes = float(size.max()), float(np.percentile(size, 95)), int((depths > 0).sum())
         return dict(zip(names, sizes, strict=False))
-
-    def _fixed_error(self, points: Floats, now: Mapping[str, Floats]) -> float:
-        worst = 0.0
-        for i, bone in enumerate(self._bones):
-            held = self._fixed_to == i
-            errors = np.linalg.norm(points[held] - apply_transform(now[bone], self._rest[held]), axis=1)
-            worst = float(errors.max(initial=worst))
-        return worst * self._millimetres

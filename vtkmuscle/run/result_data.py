@@ -19,7 +19,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import ByName, suggestion
 from vtkmuscle.data.arrays import blocks_of, multiblock_from, points_of, with_points
-from vtkmuscle.data.paths import Paths, paths_of
+from vtkmuscle.data.paths import Paths, levers_over_time, paths_of
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, read_literature
 from vtkmuscle.plotting.views import DrawnBones
@@ -224,9 +224,10 @@ class ResultData(ByName):
             try:
                 track = self.track(name)
                 if coordinates not in track.arms:
-                    options: dict[str, Any] = {"crossed": crossed, "ratios": track.ratios}
-                    options["millimetres"] = MILLIMETRES[self.units]
-                    track.arms[coordinates] = joint_arms(lengths, track.levers(), motion, wanted, **options)
+                    levers, bows = track.levers(), levers_over_time(track.bows)
+                    levers = {name: MILLIMETRES[self.units] * lever for name, lever in levers.items()}
+                    options: dict[str, Any] = {"crossed": crossed, "ratios": track.ratios, "bows": bows}
+                    track.arms[coordinates] = joint_arms(lengths, levers, motion, wanted, **options)
                 arms[name], without = track.arms[coordinates]
             except InputError as error:  # of this muscle alone, where others cross other coordinates
                 problems.append(error)

@@ -127,8 +127,7 @@ def _series(
     rows = track.report["frames"]
 
     def column(name: str) -> Floats:
-        found = [row.get(name) for row in rows]
-        return np.array([np.nan if value is None else float(value) for value in found], dtype=np.float64)
+        return np.array([row.get(name) for row in rows], dtype=np.float64)  # None is NaN
 
     own = {name: check for name, check in CHECKS.items() if check.column and not check.at_rest}
     values = {name: check.factor * column(check.column) for name, check in own.items()}
@@ -145,14 +144,11 @@ def _series(
     else:
         lengths, at_rest = np.array(track.fibre_lengths), track.report.get("fibres", {})
         ratios = lengths / np.maximum(rest_lengths, 1e-12)
-        values["long fibres"] = np.percentile(ratios, 95, axis=1)
-        values["short fibres"] = np.percentile(ratios, 5, axis=1)
+        values["short fibres"], values["long fibres"] = np.percentile(ratios, (5, 95), axis=1)
         times = np.array([row["time"] for row in rows], dtype=np.float64)
         of_motion = () if motion is None else (even_stretches(motion), largest_turns(motion))
-        jumps = length_jumps(lengths, times, *of_motion)
-        for name, share in (("jumps", 100), ("widespread jumps", 95)):
-            values[name] = np.zeros(len(times))
-            values[name][1:] = np.percentile(jumps, share, axis=1) if len(jumps) else 0.0
+        jumps = np.pad(length_jumps(lengths, times, *of_motion), ((1, 0), (0, 0)))
+        values["jumps"], values["widespread jumps"] = np.percentile(jumps, (100, 95), axis=1)
         for name, check in CHECKS.items():  # the same in all frames: the first is named
             if check.at_rest and at_rest:
                 values[name] = np.full(len(rows), check.factor * at_rest[check.column])

@@ -24,14 +24,11 @@ def centroid_path(points: Floats, offsets: Ints, count: int) -> Floats:
     return np.asarray(evenly_spaced(points, offsets, count).mean(axis=0))
 
 
-def line_of_action(points: Floats, offsets: Ints) -> Floats:
-    """Return the unit vector from mean start to mean end. It is 0 for coincident ends."""
-    return unit_vectors(points[offsets[1:] - 1].mean(axis=0) - points[offsets[:-1]].mean(axis=0))
-
-
-def angles_to(points: Floats, offsets: Ints, direction: Floats) -> Floats:
-    """Return angles (k,) between chords and a direction (3,) [degrees]. From 0 to 180."""
-    return angles_between(points[offsets[1:] - 1] - points[offsets[:-1]], direction)
+def line_of_action(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
+    """Return the unit mean chord (3,), 0 for coincident ends, and angles (k,) of chords to it [degrees]."""
+    chords = points[offsets[1:] - 1] - points[offsets[:-1]]
+    direction = unit_vectors(chords.mean(axis=0))
+    return direction, angles_between(chords, direction)
 
 
 def have_area(points: Floats, triangles: Ints) -> Bools:
@@ -311,21 +308,21 @@ MODEL, SHORTENED = 0.7, 4.0
 NORMAL = 1.96
 
 
-def mean_errors(values: Floats, ratios: Floats, numerical: Floats) -> dict[str, Floats]:
+def mean_errors(values: Floats, ratios: Floats, **known: Floats) -> dict[str, Floats]:
     """Return the errors of means over a muscle's paths.
 
     ``total`` (f,) is the half width of the interval about the mean with the known answer in 95 % of the poses
-    of phantoms: the root of the sum of squares of the parts ``model``, ``sampling`` (the mean is of k paths)
-    and ``numerical``. NaN for a single path.
+    of phantoms: the root of the sum of squares of the parts ``model``, ``sampling`` (the mean is of k paths),
+    and those ``known``. NaN for a single path.
 
     values : (f, k), of the paths;
     ratios : (f,), mean lengths relative to rest;
-    numerical : (f,), numerical errors, in the unit of the values.
+    known : (f,) each, further parts, in the unit of the values: ``numerical`` and ``bow``.
     """
     count = values.shape[1]
     spread = values.std(axis=1, ddof=1) if count > 1 else np.full(len(values), np.nan)
     model = MODEL * (1.0 + SHORTENED * np.maximum(1.0 - ratios, 0.0)) * spread
-    parts = {"model": model, "sampling": NORMAL / np.sqrt(count) * spread, "numerical": numerical}
+    parts = {"model": model, "sampling": NORMAL / np.sqrt(count) * spread, **known}
     return {"total": np.linalg.norm(list(parts.values()), axis=0), **parts}
 
 

@@ -120,25 +120,15 @@ class MotionTwists:
 
     def at(self, time: float) -> dict[str, dict[str, Floats]]:
         """Return each bone's twist (6,) by each coordinate. If known at a time."""
-        result = {}
+        times, result = self._times, {}
+        after = int(np.clip(np.searchsorted(times, time), 0, len(times) - 1))
+        before = after if times[after] <= time or after == 0 else after - 1
+        part = float((time - times[before]) / (times[after] - times[before])) if before < after else 0.0
         for name, (frames, twists) in self._twists.items():
-            if (interval := interval_among(frames, self._times, time)) is not None:
-                a, b, part = interval
+            a, b = np.searchsorted(frames, [before, after]).tolist()
+            if b < len(frames) and frames[a] == before and frames[b] == after:
                 result[name] = {bone: (1.0 - part) * t[a] + part * t[b] for bone, t in twists.items()}
         return result
-
-
-def interval_among(frames: Ints, times: Floats, time: float) -> tuple[int, int, float] | None:
-    """Return the interval of a time among frames (m,). None outside of them.
-
-    The indices into `frames` before and after the time of times (f,), and the part of the interval.
-    """
-    after = int(np.clip(np.searchsorted(times, time), 0, len(times) - 1))
-    before = after if times[after] <= time or after == 0 else after - 1
-    a, b = np.searchsorted(frames, [before, after]).tolist()
-    if b == len(frames) or frames[a] != before or frames[b] != after:
-        return None
-    return a, b, float((time - times[before]) / (times[after] - times[before])) if before < after else 0.0
 
 
 #: Largest rotation of a bone between equal poses [degrees], plus a part of the rotation between frames, as

@@ -48,18 +48,19 @@ def known_coordinates(
 
 def joint_arms(
     lengths: ArrayLike, levers: Mapping[str, Floats], motion: RigidMotion, names: Sequence[str] | None = None,
-    *, crossed: Sequence[str] | None = None, ratios: ArrayLike = np.nan, millimetres: float = 1.0,
+    *, crossed: Sequence[str] | None = None, ratios: ArrayLike = np.nan,
+    bows: Mapping[str, Floats] | None = None,
 ) -> tuple[dict[str, JointArms], dict[str, str]]:  # fmt: skip
     """Return moment arms of paths by each coordinate.
 
     lengths : (f, k)_like, path lengths in each frame of the motion [mm];
-    levers : mapping of str to (f, k), levers of the paths by the coordinates, in the unit of the motion's
-        translations; NaN in frames without levers;
+    levers : mapping of str to (f, k), levers of the paths by the coordinates [mm, or without unit by a
+        translation]; NaN in frames without levers;
     motion : RigidMotion, motion with coordinates, and a time for each of the f frames;
     names : sequence of str, wanted coordinates; default: all;
     crossed : sequence of str, coordinates of the joints that the muscle crosses; default: all;
     ratios : (f,)_like, mean lengths relative to rest; NaN: mean arms have no errors;
-    millimetres : millimetres per unit of the motion's translations.
+    bows : mapping of str to (f,), parts of the mean levers that are of bows off the bones [mm].
 
     Returns arms : dict of str to JointArms, moment arms [mm, or without unit by a translation];
     refused : dict of str to str, reasons for missing moment arms by further coordinates.
@@ -72,9 +73,7 @@ def joint_arms(
     curves = np.asarray(lengths, dtype=np.float64)
     arms: dict[str, JointArms] = {}
     refused: dict[str, str] = {}
-    for name in candidates:
-        if names is not None and name not in names:
-            continue
+    for name in candidates if names is None else (name for name in candidates if name in names):
         lever = levers.get(name, np.full(curves.shape, np.nan))
         frames = np.flatnonzero(np.isfinite(lever).all(axis=1))
         if not len(frames):
@@ -87,13 +86,13 @@ def joint_arms(
                 quartic, residuals = quartic_moment_arms(curves[frames], q.natural[frames])
         slopes = slopes_by(motion, name, candidates, curves)[frames]
         of_mean = np.broadcast_to(np.asarray(ratios, dtype=np.float64), len(curves))[frames]
-        by_frame = frames, q.values[frames], of_mean, millimetres * lever[frames], slopes
+        bow = (bows or {}).get(name, np.zeros(len(curves)))[frames]
+        by_frame = frames, q.values[frames], of_mean, bow, lever[frames], slopes
         others = [motion.coordinates[other].values[frames] for other in candidates if other != name]
         fixed = np.round([q.values[frames] * 0.0, *others], 9)
-        _, stretch, sizes = np.unique(fixed, axis=1, return_inverse=True, return_counts=True)
+        stretch = np.unique(fixed, axis=1, return_inverse=True)[1].ravel()
         # Most frames of a grid share a stretch; few frames of a walk do, such as the first and the last.
-        on_grid = 2 * np.count_nonzero(sizes[stretch.ravel()] > 1) > len(frames)
-        of_stretch = stretch.ravel() if on_grid else None
+        of_stretch = stretch if 2 * np.sum(np.bincount(stretch)[stretch] > 1) > len(frames) else None
         arms[name] = JointArms(name, q.unit, q.positive, *by_frame, quartic, residuals, of_stretch)
     if not arms and refused:
         problem = "the coordinates change only together, so there are no moment arms"
@@ -152,6 +151,8 @@ class JointArms:
         Coordinate values in the frames, in their unit.
     ratios : (m,) array
         Mean lengths of the paths relative to rest; NaN where mean arms have no error.
+    bows : (m,) array
+        Parts of the mean arms that are of bows off the bones.
     arms : (m, k) array
         Levers of the paths; positive if a pull increases the coordinate. In the unit of lengths for an angle,
         without unit for a translation.
@@ -175,6 +176,7 @@ class JointArms:
     frames: Ints
     values: Floats
     ratios: Floats
+    bows: Floats
     arms: Floats
     slopes: Floats
     quartic: Floats | None
@@ -204,11 +206,12 @@ class JointArms:
 
     @property
     def errors(self) -> dict[str, Floats]:
-        """Error of the mean, ``total``, and its parts, (m,); ``numerical``: mean less mean slope.
+        """Error of the mean, ``total``, and its parts, (m,); ``numerical``: mean less mean slope; ``bow``.
 
         See :func:`~vtkmuscle.core.fibres.measures.mean_errors`.
         """
-        return mean_errors(self.arms, self.ratios, np.nan_to_num(np.abs(self.mean - self.mean_slope)))
+        numerical = np.nan_to_num(np.abs(self.mean - self.mean_slope))
+        return mean_errors(self.arms, self.ratios, numerical=numerical, bow=np.abs(self.bows))
 
     @property
     def mean_slope(self) -> Floats:

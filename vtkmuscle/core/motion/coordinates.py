@@ -99,12 +99,10 @@ class Coordinate:
 
     def part(self, frames: Ints) -> Self:
         """Return the coordinate in some poses, by number."""
-        twists = None if self.twists is None else {bone: table[frames] for bone, table in self.twists.items()}
+        twists = self.twists and {bone: table[frames] for bone, table in self.twists.items()}
         return replace(self, values=self.values[frames], twists=twists)
 
     def carried(self, transform: Floats) -> Self:
         """Return the coordinate after an isometry (4, 4). Mirrors included."""
-        if self.twists is None:
-            return self
-        twists = {bone: carried_twists(table, transform) for bone, table in self.twists.items()}
+        twists = self.twists and {bone: carried_twists(each, transform) for bone, each in self.twists.items()}
         return replace(self, twists=twists)

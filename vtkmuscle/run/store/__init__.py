@@ -30,7 +30,7 @@ from vtkmuscle.scene.data import Muscle, SceneData
 
 #: Number of the schema of notes and report. It grows by 1 with each change of a class below, or of a key of
 #: the report, so that no other schema is read.
-FORMAT = 4
+FORMAT = 5
 
 
 def _array(value: Any) -> Floats:
@@ -81,11 +81,12 @@ class MuscleNote(_Table):
     fibre_lengths: list[Array]
     rest_lengths: Array
     segment_errors: list[float]
+    bows: list[dict[str, float]]
     files: Sizes
 
 
 #: Fields that the note of a muscle has of its track, and the note of a run of its result.
-TRACK_FIELDS = ("report", "lengths", "fibre_lengths", "rest_lengths", "segment_errors")
+TRACK_FIELDS = ("report", "lengths", "fibre_lengths", "rest_lengths", "segment_errors", "bows")
 RESULT_FIELDS = ("motion", "literature", "crosses")
 
 
