@@ -66,9 +66,8 @@ def test_files_that_no_run_has_written_are_not_replaced(scene_file, tmp_path):
     mine = tmp_path / "out/bones/upper.vtp"
     mine.parent.mkdir(parents=True)
     mine.write_text("mine")
-    assert refused(
-        mine, vtkmuscle_("run", scene_file, "--out", tmp_path / "out", *QUICK), "not written by a run"
-    )
+    done = vtkmuscle_("run", scene_file, "--out", tmp_path / "out", *QUICK)
+    assert refused(mine, done, "as a command of vtkmuscle has written it")
     assert mine.read_text() == "mine"
     done = vtkmuscle_("run", scene_file, "--out", tmp_path / "out", *QUICK, "--overwrite")
     assert done.exit_code == 0
@@ -201,6 +200,8 @@ def test_an_empty_name_is_no_folder(scene_file, scene, tmp_path, monkeypatch):
         assert "it is empty" in done.output
     with pytest.raises(ValueError, match="out is empty"):
         scene.run("")
+    with pytest.raises(ValueError, match="~ is not expanded"):
+        scene.run("~/out", frames="0:1")
     assert not list((tmp_path / "here").iterdir())
 
 
