@@ -135,7 +135,7 @@ def export(
     path, model, names = Path(out), None if into is None else Path(into), dict(replace or {})
     is_osim, asked = path.suffix.lower() == ".osim", Export(**options)
     if not is_osim and path.suffix.lower() != ".xml":
-        raise InputError(path, "unknown format of an export", "end its name in .osim or .xml")
+        raise InputError(path, "unknown format of an export", "write .osim or .xml; the command also .usd")
     if not is_osim and (model is not None or names):
         raise InputError("into", "muscles are put into models of OpenSim only", "leave it out")
     if asked.form not in _FORMS:
@@ -282,7 +282,7 @@ def _with_moves(tree: KinematicTree, values: Mapping[str, Floats], still: Sequen
         low, high = own.range or (-np.inf, np.inf)
         ends = max(low, here - half), min(high, here + half)
         if not np.isfinite(ends).all():
-            raise InputError(name, "the motion does not move it, and it has no range", "give it a range")
+            raise InputError("", f"the motion does not move {name!r}, and it has no range", "give it a range")
         levels.append(sorted({here, *ends}))
     chosen = np.unique(np.linspace(0, count - 1, PARTS).round().astype(int))
     blocks: dict[str, list[Floats]] = {name: [] for name in poses}
