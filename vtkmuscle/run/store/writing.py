@@ -130,10 +130,9 @@ def _check_results(folder: Path, scene: SceneData, report: Mapping[str, Any] | N
     """Raise a ValueError where results of a different scene, or files of no run, would be lost."""
     insist = "give another folder with --out, or --overwrite (overwrite=True)"
     if report is None:
-        by_commands = writing.Outputs(folder)  # such as a run of a single output
         for path in map(folder.joinpath, _outputs(scene.muscles)):
             for file in filter(Path.is_file, (path, *path.rglob("*"))):
-                by_commands.check(file)
+                writing.Outputs(folder).check(file)  # files of a command stay replaceable, as of run --only
         return
     before, now = report.get("scene_file"), scene_file(scene)
     if report.get("scene") != scene.name or (before and now and before != now):
