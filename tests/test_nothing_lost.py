@@ -59,6 +59,8 @@ def test_a_run_is_not_written_over_its_inputs(scene_file):
         assert refused(scene_file.parent, done, "an input (bones.upper.surface)")
     with pytest.raises(ValueError, match="an input"):  # changed settings lost the inputs
         Scene.load(scene_file).run(scene_file.parent, overwrite=True, quality="preview")
+    with pytest.raises(ValueError, match="an input"):  # joints and comments were lost
+        Scene.load(scene_file).save(scene_file.parent)
     assert contents(scene_file.parent) == before
 
 

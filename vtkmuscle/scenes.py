@@ -144,7 +144,8 @@ class Scene(SceneData, ByName):
     def save(self, folder: str | PathLike[str]) -> Path:
         """Write the scene to a folder, as :meth:`load` reads it, and return the scene.toml.
 
-        The folder is created if missing; files of equal names are replaced. The motion is written as tables
+        The folder is created if missing; files of equal names are replaced, but for the scene's own file,
+        which may have joints and comments: a ValueError. The motion is written as tables
         of transforms and coordinates, without joints: moment arms of the saved scene are by coordinates that
         change alone.
         """
@@ -275,9 +276,8 @@ class Scene(SceneData, ByName):
         >>> scene.with_settings(quality="preview", n_fibres=8).muscles["spindle"].fibres["n_fibres"]
         8
         """
-        for name in settings:
-            if name not in SETTINGS:
-                raise SceneError(f"a scene has no setting {name!r}", "", suggestion(name, SETTINGS))
+        for name in sorted(settings.keys() - {*SETTINGS}):
+            raise SceneError(f"a scene has no setting {name!r}", "", suggestion(name, SETTINGS))
         kept = DEFORMER_SETTINGS.get(str(settings.get("deformer", self.deformer)), {})
         own = {"solver": _part(self.solver, kept)} | _part(settings, _OWN)
         if paths := {_PATHS[name]: value for name, value in settings.items() if name in _PATHS}:

@@ -81,7 +81,7 @@ class Draft:
         if not self.sweep:
             named = f"the bones are {', '.join(self.bones) or 'none'}"
             why = "; ".join(guess.why for guess in guesses) or named
-            remedy = "name bones by their anatomy, such as femur_r and pelvis"
+            remedy = "hips, knees, shoulders and elbows are fitted, by names such as femur_r and pelvis"
             self.lacks = f"no joint was found between the bones: {why}; {remedy}"
             return
         for muscle in list(self.muscles):
