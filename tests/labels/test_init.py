@@ -45,9 +45,11 @@ def init(*arguments):
 
 
 def test_a_scene_is_drawn_up_that_runs(files, tmp_path):
-    done = init(*files, "--out", tmp_path / "scene")
+    (tmp_path / "deep/er").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "deep/er")
+    done = init(*files, "--out", tmp_path / "link/scene")
     assert done.exit_code == 0, done.output
-    scene = vtkmuscle.Scene.load(tmp_path / "scene/scene.toml")
+    scene = vtkmuscle.Scene.load(tmp_path / "link/scene/scene.toml")
     assert scene.units == "m"
     assert sorted(scene.bones) == ["femur_right", "pelvis"]
     areas = {name: {area.role: area for area in muscle.attachments} for name, muscle in scene.muscles.items()}

@@ -239,7 +239,8 @@ def draft_of_files(
         meshes[name] = kind, read_surface(file)
         confidence = 1.0 if name in stated else 0.8
         draft.guess(f"{kind}s.{name}", kind, confidence, f"a {kind} by its name, {file.name}")
-        draft.surfaces[f"{kind}s/{name}.vtp"] = Path(relpath(file, out)).as_posix()
+        folder = relpath(file.parent.resolve(), out.resolve())  # .. leads up from a link's target
+        draft.surfaces[f"{kind}s/{name}.vtp"] = Path(folder, file.name).as_posix()
     for name in sorted(stated.keys() - meshes):
         raise InputError(f"--{stated[name]}", f"no mesh has the name {name!r}", suggestion(name, meshes))
     if not meshes:
@@ -263,8 +264,7 @@ def draft_of_files(
             del draft.surfaces[f"muscles/{name}.vtp"]  # so the mended surface is written
             draft.guess(f"muscles.{name}.surface", "repaired", 0.5, repairs)
         if turned:
-            why = "the surface is inside out; a run turns its triangles"
-            draft.guess(f"muscles.{name}.surface", "turned", 0.9, why)
+            draft.guess(f"muscles.{name}.surface", "turned", 0.9, "inside out; a run turns its triangles")
     draft.scale = scale_of([*draft.bones.values(), *draft.muscles.values()])
     draft.within *= draft.scale
     add_landmarks(draft, landmarks, scale=scale)
