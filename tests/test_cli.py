@@ -131,6 +131,7 @@ def test_info_says_what_a_mesh_is(scene_file, tmp_path):
         tmp_path / "open.vtp",
         scene_file.parent / "attachments/origin.vtp",
     )
+    assert "Scene('tiny': spindle; bones upper, lower" in vtkmuscle_("info", scene_file).stdout
     assert done.exit_code == 0
     spindle, open_, ring = done.stdout.split(str(tmp_path))[1:]
     assert "closed      yes" in spindle

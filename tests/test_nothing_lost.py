@@ -59,6 +59,8 @@ def test_a_run_is_not_written_over_its_inputs(scene_file):
         assert refused(scene_file.parent, done, "an input (bones.upper.surface)")
     with pytest.raises(ValueError, match="an input"):  # changed settings lost the inputs
         Scene.load(scene_file).run(scene_file.parent, overwrite=True, quality="preview")
+    with pytest.raises(ValueError, match="an input"):  # joints and comments were lost
+        Scene.load(scene_file).save(scene_file.parent)
     assert contents(scene_file.parent) == before
 
 
@@ -66,9 +68,8 @@ def test_files_that_no_run_has_written_are_not_replaced(scene_file, tmp_path):
     mine = tmp_path / "out/bones/upper.vtp"
     mine.parent.mkdir(parents=True)
     mine.write_text("mine")
-    assert refused(
-        mine, vtkmuscle_("run", scene_file, "--out", tmp_path / "out", *QUICK), "not written by a run"
-    )
+    done = vtkmuscle_("run", scene_file, "--out", tmp_path / "out", *QUICK)
+    assert refused(mine, done, "as a command of vtkmuscle has written it")
     assert mine.read_text() == "mine"
     done = vtkmuscle_("run", scene_file, "--out", tmp_path / "out", *QUICK, "--overwrite")
     assert done.exit_code == 0
@@ -201,6 +202,8 @@ def test_an_empty_name_is_no_folder(scene_file, scene, tmp_path, monkeypatch):
         assert "it is empty" in done.output
     with pytest.raises(ValueError, match="out is empty"):
         scene.run("")
+    with pytest.raises(ValueError, match="~ is not expanded"):
+        scene.run("~/out", frames="0:1")
     assert not list((tmp_path / "here").iterdir())
 
 

@@ -63,6 +63,13 @@ def test_the_paths_of_a_scene_by_position_based_dynamics_are_the_same(scene):
     assert_allclose(by_pbd, lengths, rtol=0, atol=1e-12)
 
 
+def test_a_run_replaces_a_single_output_and_is_not_replaced_by_a_single_output(scene, tmp_path):
+    run_only(scene, "lengths", tmp_path, frames="0:1")
+    scene.run(tmp_path, frames="0:1", figures=False)
+    with pytest.raises(InputError, match="the folder has the results of a run"):
+        run_only(scene, "moment_arms", tmp_path, frames="0:1")
+
+
 @pytest.mark.parametrize("what", ONLY)
 def test_a_file_of_the_users_is_not_replaced(scene, what, tmp_path):
     file = tmp_path / ("spindle.pvd" if what == "surfaces" else f"{what}.csv")

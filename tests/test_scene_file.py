@@ -257,7 +257,7 @@ FAULTS = [
     ("[bones.upper]", "[bones.upper]\ncolour = 1", "bones.upper.colour", "no such key", ""),
     (MOTION, "", "motion", "is missing", "motion = {"),
     ('transforms = "motion.csv"', 'transforms = "m.csv"', "motion.transforms", "no such file", "motion.csv"),
-    ("[motion]", "motion = 3\n[x]", "x", "no such key", "format"),
+    ("[motion]", "motion = 3\n[xyz]", "xyz", "no such key", "allowed: name, units"),
     ('bone = "lower"\n', "", "motion.bone", "is missing", "add bone"),
     ('bone = "lower"\n', 'bone = "lwoer"\n', "motion.bone", "no bone 'lwoer'", "did you mean 'lower'"),
     ('time = "time"', 'time = "angle"', "motion.transforms", "no column 'angle'", "other columns are: time"),
@@ -299,6 +299,9 @@ FAULTS = [
         "a finite number",
     ),
     ("[solver]", '[fixing]\nmethod = "glue"\n[solver]', "fixing.method", "not allowed", "proximity"),
+    ("[solver]", "[paths]\norder = 5\n[solver]", "paths.order", "no such key", "in the table solver"),
+    (FIBRES, FIBRES + "\nquality = 3", MUSCLE + ".quality", "no such key", "above the first [table]"),
+    (MOTION, HINGE.replace("20, 5]", "20]"), "motion.hinge.angles", "must be start, stop and step", "[0, 90"),
     ("[solver]", "fixing = { dist = 1 }\n[solver]", MUSCLE + ".fixing.dist", "no such key", "'distance'"),
 ]
 

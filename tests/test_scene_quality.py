@@ -55,6 +55,14 @@ def test_settings_of_another_deformer_are_refused(scene_file, deformer, setting,
         Scene.load(with_deformer(scene_file, deformer, setting, more))
 
 
+def test_another_deformer_drops_settings_and_a_setting_at_fault_is_not_told_of_the_file(scene_file):
+    scene = Scene.load(scene_file)
+    assert scene.with_settings(deformer="none").solver == {}
+    assert scene.with_settings(deformer="pbd").solver == {"iterations": 3}
+    with pytest.raises(SceneError, match=r"^scene: quality: 'published' is a preset of deformer 'pbd'"):
+        scene.with_settings(quality="published")
+
+
 def ran(scene_file, out, *options):
     """Return the output and the report of a run of two frames."""
     run = vtkmuscle_("run", scene_file, "--out", out, "--frames", "0:2", "--no-figures", *options)

@@ -38,6 +38,11 @@ def test_a_value_that_is_not_allowed_is_refused_before_anything_runs(measured):
         vtkmuscle.tradeoff(measured[0], n_fibres=[8, 0])
 
 
+def test_deformers_alone_are_compared(measured):
+    found = vtkmuscle.tradeoff(measured[0], frames="0:2", deformer=["none", "paths"])
+    assert found.table.where(muscle=ALL)["deformer"].tolist() == ["none", "paths"]
+
+
 def test_published_curves_of_the_scene_are_compared(measured):
     np.testing.assert_allclose(measured[2].table.where(muscle=ALL)["published_rms_mm"], 3.0, atol=0.2)
 

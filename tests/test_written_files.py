@@ -66,4 +66,4 @@ def test_files_say_what_they_are(run):
 def test_what_cannot_be_exported_is_said(run, tmp_path):
     done = vtkmuscle_("export", run[1], tmp_path / "page.gltf")
     assert done.exit_code == 2
-    assert "unknown format of an export; end its name in .osim" in done.output
+    assert "unknown format of an export; write .osim" in done.output

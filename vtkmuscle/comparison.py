@@ -117,11 +117,9 @@ class Comparison:
 
     def write(self, folder: str | PathLike[str]) -> list[Path]:
         """Write ``comparison.csv`` and ``comparison.png`` to a folder; return both."""
-        from vtkmuscle.plotting.sheets import save_figure  # noqa: PLC0415 -- a table needs no figure
+        from vtkmuscle.plotting.sheets import save_sheets  # noqa: PLC0415 -- a table needs no figure
 
-        table = self.table().to_csv(Path(folder) / "comparison.csv", digits=6)
-        save_figure(self.figure(), Path(folder) / "comparison.png")
-        return [table, Path(folder) / "comparison.png"]
+        return save_sheets(self.table(), self.figure(), Path(folder), "comparison", digits=6)
 
 
 def compare(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from html import escape
 from os import PathLike
@@ -15,6 +15,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.words import ByName, listed, quoted, suggestion
 from vtkmuscle.core.words import names as as_names
 from vtkmuscle.data.arrays import blocks_of
+from vtkmuscle.pipelines import DEFORMER_SETTINGS
 from vtkmuscle.plotting.drawing import html_picture
 from vtkmuscle.run import Result, run_scene
 from vtkmuscle.run.figures import plotter_at_rest
@@ -36,6 +37,9 @@ _OWN = [each.name for each in fields(SceneData) if each.name not in _CONTENT]
 _PATHS = {"n_paths": "n_paths"} | {f"paths.{name}": name for name in Paths.model_fields}
 #: All settings of :meth:`Scene.with_settings`.
 SETTINGS = list(dict.fromkeys([*_OWN, *_PATHS, *Solver.model_fields, *Fibres.model_fields]))
+#: Settings of the deformer, and of the fibres: the first of equal names counts.
+_SOLVER = Solver.model_fields.keys() - {*_OWN, *_PATHS}
+_FIBRES = Fibres.model_fields.keys() - {*_OWN, *_PATHS, *_SOLVER}
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +144,8 @@ class Scene(SceneData, ByName):
     def save(self, folder: str | PathLike[str]) -> Path:
         """Write the scene to a folder, as :meth:`load` reads it, and return the scene.toml.
 
-        The folder is created if missing; files of equal names are replaced. The motion is written as tables
+        The folder is created if missing; files of equal names are replaced, but for the scene's own file,
+        which may have joints and comments: a ValueError. The motion is written as tables
         of transforms and coordinates, without joints: moment arms of the saved scene are by coordinates that
         change alone.
         """
@@ -256,7 +261,8 @@ class Scene(SceneData, ByName):
         **settings
             A field of the scene (``deformer``, ``quality``, ``paths``, ...), a parameter of the paths
             (``n_paths``, ``paths.resolution``) or of the deformer for all muscles (``iterations``), or a
-            setting of the fibres of all muscles (``n_fibres``).
+            setting of the fibres of all muscles (``n_fibres``). Another ``deformer`` drops the settings of
+            the scene that the deformer does not have.
 
         Raises
         ------
@@ -270,20 +276,23 @@ class Scene(SceneData, ByName):
         >>> scene.with_settings(quality="preview", n_fibres=8).muscles["spindle"].fibres["n_fibres"]
         8
         """
-        for name in settings:
-            if name not in SETTINGS:
-                raise SceneError(f"a scene has no setting {name!r}", "", suggestion(name, SETTINGS))
-        own = {name: value for name, value in settings.items() if name in _OWN}
+        for name in sorted(settings.keys() - {*SETTINGS}):
+            raise SceneError(f"a scene has no setting {name!r}", "", suggestion(name, SETTINGS))
+        kept = DEFORMER_SETTINGS.get(str(settings.get("deformer", self.deformer)), {})
+        own = {"solver": _part(self.solver, kept)} | _part(settings, _OWN)
         if paths := {_PATHS[name]: value for name, value in settings.items() if name in _PATHS}:
             own["paths"] = {**(own.get("paths", self.paths) or {}), **paths}
-        rest = {name: value for name, value in settings.items() if name not in (*_OWN, *_PATHS)}
-        solver = {name: value for name, value in rest.items() if name in Solver.model_fields}
-        of_fibres = {name: value for name, value in rest.items() if name not in solver}
+        solver, of_fibres = _part(settings, _SOLVER), _part(settings, _FIBRES)
         muscles = {}
         for name, muscle in self.muscles.items():
             fibres = None if muscle.fibres is None else {**muscle.fibres, **of_fibres}
-            muscles[name] = replace(muscle, solver={**muscle.solver, **solver}, fibres=fibres)
+            muscles[name] = replace(muscle, solver=_part(muscle.solver, kept) | solver, fibres=fibres)
         return replace(self, muscles=muscles, **own)
+
+
+def _part(settings: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+    """Return the settings with certain names."""
+    return {name: value for name, value in settings.items() if name in names}
 
 
 def _by_name(field: str, values: Any, kind: type) -> dict[str, Any]:

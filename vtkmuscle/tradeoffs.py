@@ -105,11 +105,9 @@ class Tradeoff:
 
     def write(self, folder: str | PathLike[str]) -> list[Path]:
         """Write ``tradeoff.csv`` and ``tradeoff.png`` to a folder; return both paths."""
-        from vtkmuscle.plotting.sheets import save_figure  # noqa: PLC0415 -- a table needs no figure
+        from vtkmuscle.plotting.sheets import save_sheets  # noqa: PLC0415 -- a table needs no figure
 
-        table = self.table.to_csv(Path(folder) / "tradeoff.csv", digits=4)
-        save_figure(self.figure(), Path(folder) / "tradeoff.png")
-        return [table, Path(folder) / "tradeoff.png"]
+        return save_sheets(self.table, self.figure(), Path(folder), "tradeoff", digits=4)
 
 
 def tradeoff(
@@ -161,13 +159,12 @@ def tradeoff(
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     check_sense(scene)
     varied, tried = tuple(settings or TRIED), combinations(settings or TRIED)
-    plain = _without(scene, _OF_QUALITY) if "quality" in varied else scene
-    labelled = [(values, plain.with_settings(**values)) for values in tried]
+    bare = _without(scene, _OF_QUALITY)
+    labelled = [(each, (bare if "quality" in varied else scene).with_settings(**each)) for each in tried]
     deformers = dict.fromkeys(values.get("deformer", scene.deformer) for values in tried)
     finest = {name: max(values[name] for values in tried) for name in varied if name == "n_fibres"}
     limits = {name: {"deformer": name, "quality": "accurate", **finest, **LIMITS[name]} for name in deformers}
-    bare = _without(scene, _OF_QUALITY)
-    labelled += [({"limit": name}, bare.with_settings(**values)) for name, values in limits.items()]
+    labelled += [({"limit": f"limit of {name}"}, bare.with_settings(**limits[name])) for name in limits]
     options = {"frames": frames, "overwrite": overwrite, "clock": time.process_time, "sense": False}
     with TemporaryDirectory() as temporary:
         folder = Path(temporary if out is None else out)

@@ -45,9 +45,11 @@ def init(*arguments):
 
 
 def test_a_scene_is_drawn_up_that_runs(files, tmp_path):
-    done = init(*files, "--out", tmp_path / "scene")
+    (tmp_path / "deep/er").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "deep/er")
+    done = init(*files, "--out", tmp_path / "link/scene")
     assert done.exit_code == 0, done.output
-    scene = vtkmuscle.Scene.load(tmp_path / "scene/scene.toml")
+    scene = vtkmuscle.Scene.load(tmp_path / "link/scene/scene.toml")
     assert scene.units == "m"
     assert sorted(scene.bones) == ["femur_right", "pelvis"]
     areas = {name: {area.role: area for area in muscle.attachments} for name, muscle in scene.muscles.items()}
@@ -135,11 +137,11 @@ def test_a_stated_name_without_a_mesh_and_a_folder_are_errors(files, tmp_path, o
 
 
 def test_a_name_that_says_nothing_needs_a_word(files, tmp_path):
-    given = [files[0], files[1], files[2].rename(tmp_path / "part 7.vtp")]
+    given = [files[0], files[1], files[2].rename(tmp_path / "part.7.vtp")]
     done = init(*given, "--out", tmp_path / "scene")
     assert done.exit_code == 2
     assert "--muscle" in done.output
-    assert init(*given, "--muscle", "part 7", "--out", tmp_path / "scene").exit_code == 0
+    assert init(*given, "--muscle", "part.7", "--out", tmp_path / "scene").exit_code == 0
 
 
 def test_a_muscle_that_cannot_be_made_is_named_and_the_others_are_there(files, tmp_path):

@@ -121,7 +121,7 @@ def test_three_joints_move_one_after_another(drawn, tmp_path):
     draft = replace(drawn)
     draft.sweep = dict.fromkeys(["hip_flexion", "knee_flexion", "elbow_flexion"], 60.0)
     draft.write(tmp_path)
-    angles = np.loadtxt(tmp_path / "motion.sto", skiprows=6)[:, 1:]
+    angles = np.loadtxt(tmp_path / "motion.csv", delimiter=",", skiprows=1)[:, 1:]
     assert angles[0].max() == 0.0
     assert (angles.max(axis=0) == 60.0).all()
     assert np.abs(np.diff(angles, axis=0)).max() == pytest.approx(5.0)

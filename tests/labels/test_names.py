@@ -11,7 +11,7 @@ from vtkmuscle.labels.reading import kind_of, name_table
     [
         ("Left Gluteus Maximus", "gluteus_maximus_left", "muscle", "left"),
         ("femur_r", "femur_right", "bone", "right"),
-        ("R-Femur", "femur_right", "bone", "right"),
+        ("R-Fémur", "femur_right", "bone", "right"),
         ("rectus femoris", "rectus_femoris", "muscle", None),
         ("vertebrae_L5", "vertebrae_l5", "bone", None),
         ("hip_left", "hip_left", "bone", "left"),

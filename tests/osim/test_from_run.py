@@ -176,13 +176,13 @@ def test_results_are_exported_without_another_run(ran, results, tmp_path):
 def test_meshes_lie_on_their_bodies(ran, results, tmp_path):
     export(results, tmp_path / "strap.osim", masses={"middle": 3.0})
     scene, model = Scene.load(ran[0]), read_osim(tmp_path / "strap.osim")
-    bones = [(bone, f"{bone}.stl") for bone in scene.bones]
-    assert sorted(model.meshes) == sorted([*bones, ("proximal", "strap_at_rest.stl")])
+    bones = [(bone, f"strap_{bone}.stl") for bone in scene.bones]
+    assert sorted(model.meshes) == sorted([*bones, ("proximal", "strap_strap_at_rest.stl")])
     for body, file in model.meshes:
         pose = model.tree.poses({})[body][0]
         surface = read_surface(tmp_path / "Geometry" / file)
         bounds = np.array(surface.GetBounds()).reshape(3, 2).T @ pose[:3, :3].T + pose[:3, 3]
-        name = file.removesuffix(".stl").removesuffix("_at_rest")
+        name = file.removeprefix("strap_").removesuffix(".stl").removesuffix("_at_rest")
         original = scene.bones[name] if name in scene.bones else scene.muscles[name].surface
         np.testing.assert_allclose(1000.0 * bounds, np.reshape(original.GetBounds(), (3, 2)).T, atol=1e-2)
     text = (tmp_path / "strap.osim").read_text()
@@ -327,11 +327,11 @@ def test_exports_and_checks_replace_their_own_files_only(ran, tmp_path):
         done = vtkmuscle_("export", results, model)
         assert done.exit_code == 0, done.output
     before = model.read_bytes()
-    (tmp_path / "Geometry" / "middle.stl").write_text("mine")
+    (tmp_path / "Geometry" / "model_middle.stl").write_text("mine")
     call = "export", results, model, "--groups", "2"
     done = vtkmuscle_(*call)
     assert "middle.stl: the file exists" in done.output.replace("\n", "")
-    assert (model.read_bytes(), (tmp_path / "Geometry" / "middle.stl").read_text()) == (before, "mine")
+    assert (model.read_bytes(), (tmp_path / "Geometry" / "model_middle.stl").read_text()) == (before, "mine")
     assert vtkmuscle_(*call, "--overwrite").exit_code == 0
     assert model.read_bytes() != before
     before = model.read_bytes()

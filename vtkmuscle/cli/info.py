@@ -17,8 +17,9 @@ from vtkmuscle.io.surfaces import stated_frame
 from vtkmuscle.joints.osim import read_motion_file
 from vtkmuscle.labels.draft import likely_unit
 from vtkmuscle.labels.guesses import LOOK
-from vtkmuscle.opensim.model import OsimModel, read_osim
+from vtkmuscle.opensim.model import read_osim
 from vtkmuscle.run.store import ResultFolder
+from vtkmuscle.scenes import Scene
 
 #: Suffixes of landmarks and of motions.
 LANDMARKS, MOTIONS = (".csv", ".json", ".fcsv", ".nrrd"), (".mot", ".sto")
@@ -29,12 +30,9 @@ def facts_of(file: Path) -> Mapping[str, str]:
     if file.is_dir():
         return _of_run(file)
     check_is_file(file)
-    suffix = file.suffix.lower()
-    if suffix in LANDMARKS:
-        return _of_landmarks(file)
-    if suffix in MOTIONS:
-        return _of_motion(file)
-    return _of_model(read_osim(file)) if suffix == ".osim" else _of_mesh(file)
+    kinds = dict.fromkeys(LANDMARKS, _of_landmarks) | dict.fromkeys(MOTIONS, _of_motion)
+    kinds |= {".osim": _of_model, ".toml": lambda file: {"scene": repr(Scene.load(file))}}
+    return kinds.get(file.suffix.lower(), _of_mesh)(file)
 
 
 def draw_landmarks(file: Path, picture: Path) -> None:
@@ -83,7 +81,8 @@ def _of_motion(file: Path) -> dict[str, str]:
     return {"rows": rows, "angles": units[found.degrees], "columns": _listed(ranges)}
 
 
-def _of_model(model: OsimModel) -> dict[str, str]:
+def _of_model(file: Path) -> dict[str, str]:
+    model = read_osim(file)
     tree = model.tree
     lists = {
         "bodies": tree.bodies,

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import NamedTuple
+from unicodedata import normalize
 
 from vtkmuscle.data import package_text, toml_table
 
@@ -40,7 +41,8 @@ JOINTS = tuple(JointKind(**table) for table in ANATOMY["joints"])
 
 
 def plain_name(name: str) -> str:
-    """Return a lower-case name with underscores, the side at the end."""
+    """Return a lower-case name with underscores and without accents, the side at the end."""
+    name = normalize("NFKD", name).encode("ascii", "ignore").decode()
     words = re.findall(r"[a-z0-9]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).casefold())
     side = next((_SIDES[word] for word in words if word in _SIDES), None)
     rest = [word for word in words if word not in _SIDES]

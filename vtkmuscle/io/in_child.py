@@ -174,9 +174,9 @@ class _Child:
     def ask(self, path: Path, module: str, reader: str) -> tuple[str, str, bytes]:
         """Return class, VTK's complaint and data of a file."""
         if not is_python():
-            return read(os.path.abspath(path), module, reader)
+            return read(str(path.absolute()), module, reader)
         longest = LONGEST + path.stat().st_size / _SPEED
-        question = json.dumps([os.path.abspath(path), module, reader, longest])
+        question = json.dumps([str(path.absolute()), module, reader, longest])
         with self._lock:
             process, began = self._running(), time.monotonic()
             try:

@@ -11,6 +11,7 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
+from vtkmuscle.core.words import listed
 from vtkmuscle.io.csv_table import finite_number, table_rows, write_rows
 
 #: Required columns of a table; ``part`` is optional, further columns are ignored.
@@ -102,6 +103,16 @@ def curves_for(
     muscles, axes = (("", name, side_apart(name)) for name in (muscle, coordinate))
     own = [curve for curve in curves if not muscle or curve.muscle in muscles]
     return tuple(curve for curve in own if not coordinate or curve.dof in axes)
+
+
+def literature_of(path: Path, muscles: Sequence[str]) -> dict[str, tuple[LiteratureCurve, ...]]:
+    """Return the curves of muscles in a table; InputError without any."""
+    curves = read_literature(path)
+    found = {name: own for name in muscles if (own := curves_for(curves, muscle=name))}
+    if not found:
+        theirs = f"muscles in the file: {', '.join(sorted({curve.muscle for curve in curves}))}"
+        raise InputError(path, f"the file has no moment arms of {listed(muscles)}", theirs)
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -80,6 +80,8 @@ class Outputs:
         overwrite: bool = False,
         ours: Iterable[Path] = (),
     ) -> None:
+        if folder.parts[:1] == ("~",):
+            raise InputError(folder, "~ is not expanded", "give the full path, or Path(...).expanduser()")
         self.folder = Path(os.path.abspath(folder))
         keyed = inputs.items() if isinstance(inputs, Mapping) else (("", path) for path in inputs)
         self._inputs = [(key, file, _reals(file)) for key, file in keyed]

@@ -327,7 +327,7 @@ def _labels(lines: list[str], start: int, path: Path) -> list[str]:
     where = f"line {start + 1}"
     if len(labels) < 2 or labels[0].lower() != "time":
         problem = f"{where}: the labels begin with {quoted(line[:40])}, but must be time and further labels"
-        raise InputError(path, problem, "export it again, without empty lines after the header")
+        raise InputError(path, problem, "put the time first, and commas or tabs between the columns")
     return labels
 
 

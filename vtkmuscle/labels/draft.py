@@ -81,7 +81,7 @@ class Draft:
         if not self.sweep:
             named = f"the bones are {', '.join(self.bones) or 'none'}"
             why = "; ".join(guess.why for guess in guesses) or named
-            remedy = "name bones by their anatomy, such as femur_r and pelvis"
+            remedy = "hips, knees, shoulders and elbows are fitted, by names such as femur_r and pelvis"
             self.lacks = f"no joint was found between the bones: {why}; {remedy}"
             return
         for muscle in list(self.muscles):
@@ -157,7 +157,7 @@ class Draft:
             centre = {"centre": [scale * value for value in joint["centre"]]} if "centre" in joint else {}
             add(f"joints.{name}", joint | centre)
         if self.sweep:
-            add("motion", _motion(self.sweep, out / "motion.sto"))
+            add("motion", _motion(self.sweep, out / "motion.csv"))
         kept = ("units", *(f"joints.{name}." for name in self.joints))
         sure = {guess.what: guess.confidence for guess in self.guesses if guess.what.startswith(kept)}
         add("guessed", {f'"{what}"': round(confidence, 4) for what, confidence in sure.items()})
@@ -192,9 +192,7 @@ def _motion(limits: Mapping[str, float], path: Path) -> dict[str, Any]:
         return {"grid": {name: [0, most, most / steps] for name, most in limits.items()}}
     turns = np.arange(12 * len(limits) + 1) / 12.0
     columns = [most * np.clip(1.0 - np.abs(turns - k), 0.0, 1.0) for k, most in enumerate(limits.values(), 1)]
-    rows = ["\t".join(f"{value:g}" for value in row) for row in np.transpose([turns, *columns])]
-    head = ["sweep", "inDegrees=yes", f"nRows={len(rows)}", f"nColumns={len(columns) + 1}", "endheader"]
-    write_text(path, "\n".join([*head, "\t".join(["time", *limits]), *rows]) + "\n")
+    write_rows(path, [["time", *limits], *np.transpose([turns, *columns]).tolist()])
     return {"file": path.name}
 
 
@@ -225,7 +223,7 @@ def draft_of_files(
     landmarks, meshes = [], {}
     for file in files:
         check_is_file(file)
-        name = plain_name(file.name.partition(".")[0])
+        name = plain_name(_stem(file))
         if _AREA.match(_roles_name(file)):
             landmarks.append(file)
             continue
@@ -241,10 +239,10 @@ def draft_of_files(
         meshes[name] = kind, read_surface(file)
         confidence = 1.0 if name in stated else 0.8
         draft.guess(f"{kind}s.{name}", kind, confidence, f"a {kind} by its name, {file.name}")
-        draft.surfaces[f"{kind}s/{name}.vtp"] = Path(relpath(file, out)).as_posix()
-    if unknown := stated.keys() - meshes:
-        problem = f"no mesh has the name {min(unknown)!r}"
-        raise InputError(f"--{stated[min(unknown)]}", problem, suggestion(min(unknown), meshes))
+        folder = relpath(file.parent.resolve(), out.resolve())  # .. leads up from a link's target
+        draft.surfaces[f"{kind}s/{name}.vtp"] = Path(folder, file.name).as_posix()
+    for name in sorted(stated.keys() - meshes):
+        raise InputError(f"--{stated[name]}", f"no mesh has the name {name!r}", suggestion(name, meshes))
     if not meshes:
         raise InputError("", "there is no surface of a bone or a muscle", "give mesh files")
     longest = float(max(np.ptp(points_of(mesh), axis=0).max() for _, mesh in meshes.values()))
@@ -266,8 +264,7 @@ def draft_of_files(
             del draft.surfaces[f"muscles/{name}.vtp"]  # so the mended surface is written
             draft.guess(f"muscles.{name}.surface", "repaired", 0.5, repairs)
         if turned:
-            why = "the surface is inside out; a run turns its triangles"
-            draft.guess(f"muscles.{name}.surface", "turned", 0.9, why)
+            draft.guess(f"muscles.{name}.surface", "turned", 0.9, "inside out; a run turns its triangles")
     draft.scale = scale_of([*draft.bones.values(), *draft.muscles.values()])
     draft.within *= draft.scale
     add_landmarks(draft, landmarks, scale=scale)
@@ -281,8 +278,13 @@ def scale_of(surfaces: Iterable[vtkPolyData]) -> float:
     return 1.0 if longest >= SMALLEST else longest / HUMAN
 
 
+def _stem(file: Path) -> str:
+    """Return a file's name without the suffix; a name may have dots."""
+    return file.stem.removesuffix(".mrk")
+
+
 def _roles_name(file: Path) -> str:
-    return "_".join(re.findall(r"[a-z0-9]+", file.name.partition(".")[0].casefold()))
+    return "_".join(re.findall(r"[a-z0-9]+", _stem(file).casefold()))
 
 
 def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) -> None:

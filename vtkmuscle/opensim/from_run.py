@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -101,8 +102,8 @@ def export(
     Muscles that failed in the run, or cross no coordinate, are left out, with a warning. A warning names
     muscles whose moment arms as written are wrong by a tenth. Where the motion does not move a coordinate
     that a muscle crosses, paths are computed in further poses. Next to the model are ``NAME_errors.csv`` and,
-    for a new model, meshes of bones and muscles in ``Geometry``. In MuJoCo muscles are tendons with
-    actuators.
+    for a new model, meshes of bones and muscles, ``Geometry/NAME_BONE.stl``. In MuJoCo muscles are tendons
+    with actuators.
 
     Parameters
     ----------
@@ -135,7 +136,7 @@ def export(
     path, model, names = Path(out), None if into is None else Path(into), dict(replace or {})
     is_osim, asked = path.suffix.lower() == ".osim", Export(**options)
     if not is_osim and path.suffix.lower() != ".xml":
-        raise InputError(path, "unknown format of an export", "end its name in .osim or .xml")
+        raise InputError(path, "unknown format of an export", "write .osim or .xml; the command also .usd")
     if not is_osim and (model is not None or names):
         raise InputError("into", "muscles are put into models of OpenSim only", "leave it out")
     if asked.form not in _FORMS:
@@ -161,9 +162,9 @@ def export(
         if model is not None:
             text = enriched(model, outs, replace=list(names.values()))
         elif is_osim:
-            text = osim_of(tree, outs, name=name, masses=asked.masses, meshes=_write_meshes(run, path.parent))
+            text = osim_of(tree, outs, name=name, masses=asked.masses, meshes=_write_meshes(run, path))
         else:
-            meshes = _write_meshes(run, path.parent)
+            meshes = _write_meshes(run, path)
             poses = {each.out.name: run.poses[each.muscle].values for each in muscles}
             lengths = {out.name: out.path.lengths(run.tree, poses[out.name]) for out in outs}
             text = mjcf_of(tree, outs, name=name, masses=asked.masses, meshes=meshes, lengths=lengths)
@@ -282,7 +283,7 @@ def _with_moves(tree: KinematicTree, values: Mapping[str, Floats], still: Sequen
         low, high = own.range or (-np.inf, np.inf)
         ends = max(low, here - half), min(high, here + half)
         if not np.isfinite(ends).all():
-            raise InputError(name, "the motion does not move it, and it has no range", "give it a range")
+            raise InputError("", f"the motion does not move {name!r}, and it has no range", "give it a range")
         levels.append(sorted({here, *ends}))
     chosen = np.unique(np.linspace(0, count - 1, PARTS).round().astype(int))
     blocks: dict[str, list[Floats]] = {name: [] for name in poses}
@@ -357,8 +358,12 @@ def _lines(run: _Run, name: str) -> Floats:
     return np.asarray(points @ turns.swapaxes(2, 3) + shifts)
 
 
-def _write_meshes(run: _Run, folder: Path) -> dict[str, list[str]]:
-    """Write bones, and muscles at rest, in frames of bodies [m]. Return file names by body."""
+def _write_meshes(run: _Run, model: Path) -> dict[str, list[str]]:
+    """Write bones, and muscles at rest, in frames of bodies [m]. Return file names by body.
+
+    Each file name begins with the model's: models of several subjects may be in the same folder.
+    """
+    prefix = re.sub(r"\W", "_", model.stem)
     surfaces = {name: (run.joints.bodies[name], surface) for name, surface in run.scene.bones.items()}
     muscles = run.scene.muscles.items()
     surfaces |= {f"{name}_at_rest": (run.ends[name][0], muscle.surface) for name, muscle in muscles}
@@ -366,13 +371,12 @@ def _write_meshes(run: _Run, folder: Path) -> dict[str, list[str]]:
     names: dict[str, list[str]] = {}
     for name, (body, surface) in surfaces.items():
         placed = (inverses(rest[body]) @ rest[run.joints.frame])[0]
-        mesh, count = surface, surface.GetNumberOfCells()
-        if count > MOST_TRIANGLES:
-            reduction = 1.0 - MOST_TRIANGLES / count
-            mesh = vtkQuadricDecimation(input_data=surface, target_reduction=reduction).update().output
+        mesh, kept = surface, MOST_TRIANGLES / surface.GetNumberOfCells()
+        if kept < 1.0:
+            mesh = vtkQuadricDecimation(input_data=surface, target_reduction=1.0 - kept).update().output
         moved = with_points(mesh, apply_transform(placed, run.metres * points_of(mesh)))
         writer = vtkSTLWriter(input_data=moved, header="vtkmuscle, metres")
         writer.SetFileTypeToBinary()
-        write_with(writer, folder / parts.FOLDER / f"{name}.stl")
-        names.setdefault(body, []).append(name)
+        write_with(writer, model.parent / parts.FOLDER / f"{prefix}_{name}.stl")
+        names.setdefault(body, []).append(f"{prefix}_{name}")
     return names

@@ -124,6 +124,8 @@ TRANSPORT_SETTINGS: dict[str, Parameter[Any]] = dict(FibreTransport.parameter_de
 DEFORMERS: Mapping[str, type[PathDeformer] | type[PBDDeformer] | None] = MappingProxyType(
     {"paths": PathDeformer, "pbd": PBDDeformer, "none": None}
 )
+#: Settings of each deformer.
+DEFORMER_SETTINGS = {name: getattr(kind, "parameter_declarations", {}) for name, kind in DEFORMERS.items()}
 #: Settings of paths that only check the lengths of fibres.
 FEW_PATHS: Mapping[str, Any] = {"quality": "preview", "n_paths": 9, "levers": False}
 #: Presets of TautPaths and PathDeformer, and further presets of PBDDeformer.

@@ -141,6 +141,12 @@ def blank_figure(width: float, height: float, layout: Any = None, *, title: str 
     return figure
 
 
+def save_sheets(table: Any, figure: Figure, folder: Path, name: str, *, digits: int) -> list[Path]:
+    """Write a table and a figure of the same name to a folder, and return the files."""
+    save_figure(figure, folder / f"{name}.png")
+    return [table.to_csv(folder / f"{name}.csv", digits=digits), folder / f"{name}.png"]
+
+
 def save_figure(figure: Figure, path: Path, form: str = "png", dpi: float = SCREEN) -> None:
     """Write a figure as png, pdf or svg, all or nothing. Text and lines stay vectors in pdf and svg."""
     options: dict[str, Any] = {"pil_kwargs": {"compress_level": 1}}

@@ -21,7 +21,7 @@ from vtkmuscle.core.words import ByName, suggestion
 from vtkmuscle.data.arrays import blocks_of, multiblock_from, points_of, with_points
 from vtkmuscle.data.paths import Paths, levers_over_time, paths_of
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, read_literature
+from vtkmuscle.io.literature import LiteratureCurve, label_of, literature_of
 from vtkmuscle.plotting.views import DrawnBones
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.report_values import architecture_table, measures_of_fibres
@@ -151,8 +151,7 @@ class ResultData(ByName):
 
     def rest_fibres(self, name: str) -> Any:
         """Return the fibres of a muscle at rest, None where it has none."""
-        fibres = self.track(name).rest_fibres
-        return None if fibres is None else _wrapped(fibres)
+        return _wrapped(self.track(name).rest_fibres)
 
     def rest_bones(self) -> Any:
         """Return the bones at rest."""
@@ -298,7 +297,6 @@ class ResultData(ByName):
         Lengths, moment arms, architecture, and the checks by frame. The folder is made where it does not
         exist; files of the same names are replaced.
         """
-        Path(folder).mkdir(parents=True, exist_ok=True)
         tables = self.tables() | {"frames": self.frame_table()}
         return [table.to_csv(Path(folder) / f"{name}.csv") for name, table in tables.items()]
 
@@ -342,13 +340,8 @@ class ResultData(ByName):
         ``path`` is a table as :func:`vtkmuscle.io.read_literature` takes it; a ValueError is raised if it has
         none of the muscles of the result.
         """
-        curves = read_literature(path)
-        found = {name: mine for name in self.muscle_names if (mine := curves_for(curves, muscle=name))}
-        if not found:
-            theirs = ", ".join(sorted({curve.muscle for curve in curves}))
-            raise InputError(str(path), "it has none of the muscles", f"muscles in the file: {theirs}")
         other = copy(self)
-        other.literature = {**self.literature, **found}
+        other.literature = {**self.literature, **literature_of(Path(path), self.muscle_names)}
         return other
 
 
@@ -360,7 +353,7 @@ def _read_only(rows: Mapping[str, Sequence[Floats]]) -> dict[str, Floats]:
     return arrays
 
 
-def _wrapped(data: vtkDataObject) -> Any:
+def _wrapped(data: vtkDataObject | None) -> Any:
     import pyvista  # noqa: PLC0415 -- a run needs none
 
     return pyvista.wrap(data)

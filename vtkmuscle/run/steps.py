@@ -26,7 +26,7 @@ from vtkmuscle.run.muscles import MuscleRun, SceneRun
 from vtkmuscle.run.pool import ENDED, Pool, pool_size, track_in
 from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
-from vtkmuscle.run.store import FORMAT, PAGE
+from vtkmuscle.run.store import FORMAT, PAGE, ResultFolder
 from vtkmuscle.run.store.writing import DIGITS, ResultWriter, claimed, digests, remove_results, scene_file
 from vtkmuscle.run.table import MomentArmTable, Table, error_sizes
 from vtkmuscle.run.verdict import Judged, further_reasons, missing_checks, with_reasons
@@ -56,8 +56,8 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
         # Processes begin to solve while this one checks; they write once all is checked.
         pool, jobs = _started(run, tracks, stack)
         odd = check_sense(scene) if options.sense else []
-        if store is not None:
-            stack.enter_context(claimed(store.path, scene, overwrite=options.overwrite))
+        if store is not None and out is not None:
+            stack.enter_context(claimed(out, scene, overwrite=options.overwrite))
             stack.callback((pool or ExitStack()).close)  # no process writes when the folder is tidied
         own = {"taken_over": list(tracks), "sense": [str(error) for error in odd]}
         report = _first_report(run, tracks) | own
@@ -136,6 +136,8 @@ def run_only(
     elif scene.deformer == "none":
         raise InputError("deformer", "it is 'none', so there are no surfaces", "use 'paths' or 'pbd'")
     outputs = None if out is None else Outputs(Path(out), inputs=scene.files, overwrite=overwrite)
+    if outputs is not None and not overwrite and ResultFolder(outputs.folder).report() is not None:
+        raise InputError(outputs.folder, "the folder has the results of a run", "give another --out")
     for name in [f"{name}.pvd" for name in scene.muscles] if what == "surfaces" else [f"{what}.csv"]:
         if outputs is not None:
             outputs.check(outputs.folder / name)

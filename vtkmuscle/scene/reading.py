@@ -14,7 +14,6 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle import io
 from vtkmuscle.core.attachments.patches import ring_area, ring_length
-from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import MILLIMETRES
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.template import read_template
@@ -23,6 +22,7 @@ from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.attachments import ROLES, SIDES, VIA, Aponeurosis, AttachmentArea
 from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
+from vtkmuscle.io.literature import literature_of
 from vtkmuscle.scene.checks import turned_over
 from vtkmuscle.scene.data import Muscle, SceneError, SceneFiles, errors_at, parsed, words_of
 from vtkmuscle.scene.joints import SceneJoints, joints_of, motion_from
@@ -94,7 +94,7 @@ def _muscle(
         files.tried(where, fibres["template_file"], read_template)
         fibres["template_file"] = str(files.paths[where].resolve())  # valid from any folder
     lines = files.tried(f"{key}.superficial_fibres", table.superficial_fibres, io.read_polydata)
-    published = files.tried(f"{key}.literature", table.literature, partial(_literature, muscle=name))
+    published = files.tried(f"{key}.literature", table.literature, partial(literature_of, muscles=[name]))
     columns = scene.motion.coordinates or {}  # a column that does not change is no coordinate of the motion
     coordinates = (table.crosses or ()) if motion is None else {*motion.coordinates, *columns}
     for missing in (name for name in table.crosses or () if name not in coordinates):
@@ -112,7 +112,7 @@ def _muscle(
         solver=table.solver.given(),
         fixing=table.fixing.given(),
         superficial_fibres=lines,
-        literature=published or (),
+        literature=(published or {}).get(name, ()),
         crosses=crosses,
         hill={} if table.hill is None else table.hill.model_dump(exclude_none=True),
         aponeuroses=tuple(sheets),
@@ -153,15 +153,6 @@ def _aponeuroses(key: str, table: Aponeuroses, files: SceneFiles, scene: SceneTa
             where = f"{key}.aponeuroses.{side}" + (f"[{number}]" if len(texts) > 1 else "")
             sheets.append(files.tried(where, text, read))
     return [sheet for sheet in sheets if sheet is not None]
-
-
-def _literature(path: Path, muscle: str) -> tuple[io.LiteratureCurve, ...]:
-    """Return the published moment arms of a muscle in a file."""
-    curves = io.read_literature(path)
-    if not (own := io.curves_for(curves, muscle=muscle)):
-        listed = f"muscles in the file: {', '.join(sorted({curve.muscle for curve in curves}))}"
-        raise InputError(path, f"the file has no moment arms of {muscle!r}", listed)
-    return own
 
 
 def areas_in_contact(

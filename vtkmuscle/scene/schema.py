@@ -18,12 +18,10 @@ from vtkmuscle.data import toml_table
 from vtkmuscle.data.attachments import ROLES, VIA
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.filters.path_deformer import PathDeformer
-from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.filters.taut_paths import TautPaths
 from vtkmuscle.io.landmarks import FRAMES
 from vtkmuscle.io.motion_table import MOST_FRAMES
-from vtkmuscle.pipelines import DEFORMERS, FIBRE_SETTINGS, QUALITIES, TRANSPORT_SETTINGS
+from vtkmuscle.pipelines import DEFORMER_SETTINGS, DEFORMERS, FIBRE_SETTINGS, QUALITIES, TRANSPORT_SETTINGS
 from vtkmuscle.scene.data import words_of
 
 #: Text in place of attachments, for estimates.
@@ -79,7 +77,7 @@ if TYPE_CHECKING:
     Paths = Settings
 else:
     Paths = _settings("Paths", TautPaths.parameter_declarations)
-    Solver = _settings("Solver", PathDeformer.parameter_declarations | PBDDeformer.parameter_declarations)
+    Solver = _settings("Solver", DEFORMER_SETTINGS["paths"] | DEFORMER_SETTINGS["pbd"])
     Fixing = _settings("Fixing", FixedPointDetector.parameter_declarations)
     Fibres = _settings("Fibres", FIBRE_SETTINGS | TRANSPORT_SETTINGS)
 
@@ -217,6 +215,8 @@ class Hill(SchemaTable):
 
 
 def _steps(values: list[float]) -> list[float]:
+    if len(values) != 3:
+        raise InputError("", f"must be start, stop and step, not {quoted(values)}", "write [0, 90, 5]")
     start, stop, step = values
     if not (step > 0 and stop >= start):
         raise InputError("", *words_of("descends", start=start, stop=stop, step=step))
@@ -243,7 +243,7 @@ def _list_or_estimate(value: Any, handler: Callable[[Any], Any]) -> Any:
     return handler(value)
 
 
-_Steps = Annotated[Triple, AfterValidator(_steps)]
+_Steps = Annotated[list[float], AfterValidator(_steps)]
 _Confidence = Annotated[float, Field(ge=0.0, le=1.0)]
 _Texts = Annotated[list[Text], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
 
@@ -346,7 +346,3 @@ class SceneTable(SchemaTable):
     paths: Paths | None = None
     solver: Solver = Field(default_factory=Solver)
     fixing: Fixing = Field(default_factory=Fixing)
-
-
-#: The tables with examples; of two fields of a name the last counts.
-TABLES: tuple[type[SchemaTable], ...] = (JointTable, Motion, Hinge, BoneTable, Area, MuscleTable, SceneTable)

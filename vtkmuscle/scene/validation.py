@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -16,7 +16,7 @@ from vtkmuscle.core.words import quoted, suggestion
 from vtkmuscle.data.attachments import ROLES, VIA
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.taut_paths import PATH_PRESETS
-from vtkmuscle.pipelines import DEFORMERS
+from vtkmuscle.pipelines import DEFORMER_SETTINGS
 from vtkmuscle.scene import schema
 from vtkmuscle.scene.data import Faults, SceneError, words_of
 from vtkmuscle.scene.writing import inline_toml
@@ -24,12 +24,19 @@ from vtkmuscle.scene.writing import inline_toml
 #: File names of a run besides the muscles' names.
 _RESERVED = ("bones", "figures", "finished", "scene")
 
-#: The fields of all tables by name, for examples.
-_FIELDS = {name: field for table in schema.TABLES for name, field in table.model_fields.items()}
 
-#: All names of keys, for hints.
-_SETTINGS = (schema.Solver, schema.Paths, schema.Fixing, schema.Fibres)
-_NAMES = sorted({*_FIELDS, *(name for kind in _SETTINGS for name in kind.model_fields)})
+def _tables(kind: Any, key: str = "") -> Iterator[tuple[str, type[schema.SchemaTable]]]:
+    """Yield keys and classes of the tables in a type of a field."""
+    if isinstance(kind, type) and issubclass(kind, schema.SchemaTable):
+        yield key, kind
+        for name, field in kind.model_fields.items():
+            yield from _tables(field.annotation, name)
+    for part in get_args(kind):
+        yield from _tables(part, key)
+
+
+#: All tables by their key, for hints and examples; the file itself has none.
+_TABLES = dict(_tables(schema.SceneTable))
 
 #: Key, problem and remedy.
 _Fault = tuple[str, str, str]
@@ -56,12 +63,13 @@ def _faults_in_words(errors: list[ErrorDetails]) -> Iterator[_Fault]:
     for error in sorted(errors, key=lambda error: (error["type"] != "extra_forbidden", len(error["loc"]))):
         path = [part for part in error["loc"] if part not in ("[key]", schema.ALONE)]
         key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
-        name = [part for part in path if isinstance(part, str)][-1]
-        yield (key.removeprefix("."), *_problem_and_remedy(error, name))
+        yield (key.removeprefix("."), *_problem_and_remedy(error, path))
 
 
-def _problem_and_remedy(error: ErrorDetails, name: str) -> tuple[str, str]:
-    field = _FIELDS.get(name)
+def _problem_and_remedy(error: ErrorDetails, path: Sequence[int | str]) -> tuple[str, str]:
+    *parents, name = [part for part in path if isinstance(part, str)]
+    table = _TABLES[next(key for key in (*reversed(parents), "") if key in _TABLES)]
+    field = table.model_fields.get(name)
     example = f"{name} = {inline_toml(field.examples[0])}" if field and field.examples else ""
     remedy = f"write {example}" if example else "see the format of a scene.toml"
     match error["type"]:
@@ -71,8 +79,11 @@ def _problem_and_remedy(error: ErrorDetails, name: str) -> tuple[str, str]:
         case "missing":
             return "the key is missing", f"add {example}"
         case "extra_forbidden":
-            near = [other for other in get_close_matches(name, _NAMES) if other != name]
-            return "there is no such key", f"did you mean {' or '.join(map(repr, near))}?" if near else remedy
+            keys = [key for key, kind in _TABLES.items() if name in kind.model_fields]
+            homes = [f"in the table {key}" if key else "above the first [table]" for key in keys]
+            if homes and not get_close_matches(name, table.model_fields, cutoff=0.8):
+                return "there is no such key", f"write {name} {' or '.join(homes)}"
+            return "there is no such key", suggestion(name, table.model_fields)
         case "literal_error":
             remedy = suggestion(str(error["input"]), re.findall("'(.*?)'", error["ctx"]["expected"]))
         case "too_short" | "too_long" if field and field.description:
@@ -94,8 +105,7 @@ def _conflicts(scene: schema.SceneTable) -> Iterator[_Fault]:
         yield _fault("contact_without_deformer", "muscle_contact", contact=scene.muscle_contact)
     if scene.quality not in (None, *PATH_PRESETS) and scene.deformer != "pbd":
         yield _fault("quality_of_pbd", "quality", quality=scene.quality, deformer=scene.deformer)
-    deformer = DEFORMERS[scene.deformer]
-    allowed = {} if deformer is None else deformer.parameter_declarations
+    allowed = DEFORMER_SETTINGS[scene.deformer]
     solvers = {f"muscles.{name}.solver": muscle.solver for name, muscle in scene.muscles.items()}
     for key, table in ({"solver": scene.solver} | solvers).items():
         for setting in table.given():

@@ -245,13 +245,9 @@ class ResultFolder:
 
 #: Parts of the package that only start runs or show results.
 _SHOWING = ("cli", "paraview", "plotting", "report/")
-#: Fields that no frame of a muscle depends on, and why; all others count.
-IRRELEVANT: Mapping[str, str] = {
-    "SceneData.files": "where it was read from; what was read counts",
-    "SceneData.guessed": "judged anew in every run",
-    "Muscle.literature": "drawn beside the curves of a finished run",
-    "Muscle.muscle": "judged anew in every run",
-}
+#: Fields that no frame of a muscle depends on: the content of files counts, guesses and names are judged anew
+#: in every run, and published curves are drawn beside a finished run's. All other fields count.
+IRRELEVANT = ("SceneData.files", "SceneData.guessed", "Muscle.literature", "Muscle.muscle")
 #: Packages that have a part in the numbers.
 _PACKAGES = ("numpy", "scipy", "numba", "vtk")
 
