@@ -49,7 +49,8 @@ def test_fibres_and_areas_are_transformed_and_arrays_pass_through(spindle):
 
 def test_the_box_is_right_handed_and_runs_from_origin_to_insertion(hip):
     for name, muscle in hip.muscles.items():
-        fitted = TemplateFitter()(template(), muscle, hip.attachments[name])
+        (uneven := template()).GetFieldData().RemoveArray("Symmetric")
+        fitted = TemplateFitter()(uneven, muscle, hip.attachments[name])
         transform = transform_of(fitted)
         assert np.linalg.det(transform[:3, :3]) > 0
         local = np.linalg.solve(transform[:3, :3], (points_of(muscle) - transform[:3, 3]).T)

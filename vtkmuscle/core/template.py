@@ -190,10 +190,10 @@ LONGEST_PIECE = 0.02
 class BoxFit(NamedTuple):
     """Fitted box around a muscle.
 
-    The `transform` (4, 4) from the unit cube is a right-handed rotation of a scaled cube, and a translation;
-    the z axis runs from origin to insertion. `error` is the sum of distances from points of the template's
-    areas to the nearest landmarks [mm]. `cost`, least for the best box, is the mean distance as a part of the
-    muscle's extent, plus the angle to superficial fibres [rad].
+    The `transform` (4, 4) from the unit cube is a rotation of a scaled cube, mirrored where that is allowed,
+    and a translation; the z axis runs from origin to insertion. `error` is the sum of distances from points
+    of the template's areas to the nearest landmarks [mm]. `cost`, least for the best box, is the mean
+    distance as a part of the muscle's extent, plus the angle to superficial fibres [rad].
     """
 
     transform: Floats
@@ -234,7 +234,7 @@ def principal_axis(points: Floats, origin: Floats, insertion: Floats) -> Floats:
 
 def fit_box(
     points: Floats, axis: Floats, *, landmarks: tuple[Floats, Floats], areas: tuple[Floats, Floats],
-    angle_step: float, guide: Callable[[Floats], float] | None = None,
+    angle_step: float, guide: Callable[[Floats], float] | None = None, mirrors: bool = False,
 ) -> BoxFit:  # fmt: skip
     """Return the box with areas nearest to the attachments.
 
@@ -251,7 +251,8 @@ def fit_box(
     angle_step : step of the sweep [degrees];
     guide : callable, from a box (4, 4) to the angle between the template's and superficial fibres [rad],
         added to the mean distance as a part of the muscle's extent: a tenth of the muscle counts as 6
-        degrees.
+        degrees;
+    mirrors : whether the box may be left-handed, so that a mirrored muscle has the mirrored box.
 
     Raises a ValueError if all points lie in one plane.
     """
@@ -263,15 +264,18 @@ def fit_box(
         raise InputError("", "the points of the muscle lie in one plane, so a box around them has no volume")
     x, y = seen[ConvexHull(seen).vertices].T[:, :, None]
     steps = np.arange(0.0, 360.0, angle_step)
-    turn = _least_rectangle_angle(np.column_stack([x, y]), skewed_direction(seen)) + np.radians(steps)
+    # The muscle's longer tail decides on the hand, as it does on the first side.
+    first_turn, left = _least_rectangle_angle(np.column_stack([x, y]), skewed_direction(seen))
+    hand = -1.0 if mirrors and left else 1.0
+    turn = first_turn + hand * np.radians(steps)
     c, s = np.cos(turn), np.sin(turn)
-    sides = x * c + y * s, y * c - x * s
+    sides = x * c + y * s, hand * (y * c - x * s)
     ends = [
         np.column_stack([*(end(side, axis=0) for side in sides), np.full(len(turn), end(heights))])
         for end in (np.min, np.max)
     ]
     low, extents = ends[0], ends[1] - ends[0]
-    across = np.outer(c, first) + np.outer(s, second), np.outer(c, second) - np.outer(s, first)
+    across = np.outer(c, first) + np.outer(s, second), hand * (np.outer(c, second) - np.outer(s, first))
     frames = np.stack([*across, np.broadcast_to(axis, (len(turn), 3))], axis=2)
 
     errors = np.zeros(len(turn))
@@ -326,8 +330,8 @@ def angle_to_nearest(seen: SuperficialFibres, points: Floats, offsets: Ints) -> 
     return float(np.sqrt(np.average(angles**2, weights=seen.lengths)))
 
 
-def _least_rectangle_angle(outline: Floats, marker: Floats) -> float:
-    """Return a side angle [rad] of the least rectangle around a polygon.
+def _least_rectangle_angle(outline: Floats, marker: Floats) -> tuple[float, bool]:
+    """Return a side angle [rad] of the least rectangle around a polygon, and if the marker is clockwise.
 
     A side of the least rectangle lies along an edge of the convex polygon (Freeman, Shapira 1975,
     doi:10.1145/360881.360919). Among equal rectangles, as always for a rectangle, the side nearest to the
@@ -342,4 +346,4 @@ def _least_rectangle_angle(outline: Floats, marker: Floats) -> float:
     least = areas <= areas.min() * (1.0 + ROUNDING)
     sides = np.vstack([directions[least], -directions[least], sideways[least], -sideways[least]])
     x, y = sides[int((sides @ marker).argmax())]
-    return float(np.arctan2(y, x))
+    return float(np.arctan2(y, x)), bool(x * marker[1] < y * marker[0])

@@ -27,6 +27,9 @@ class TemplateFitter(Filter):
     landmarks, with ``axis="principal"`` the direction of largest variance of the surface points.
     ``axis="auto"`` takes the smaller error: centroids fail for areas beside each other (pennate, bipennate).
 
+    The box of a template with the field array ``Symmetric`` 1 is left-handed where the muscle's longer tail
+    says so: mirrored muscles have mirrored fibres. All other boxes are right-handed.
+
     The box is turned about the axis in steps; the best angle has the shortest distances between the corners
     of the template's areas and the landmarks. Several areas of a role count as a single area. The angle
     between superficial fibres and the closest template fibres also counts: a mean landmark distance of a
@@ -99,7 +102,8 @@ class TemplateFitter(Filter):
         areas = _area(template.data, _AREAS[0]), _area(template.data, _AREAS[1])
         sides = (areas_of_role(attachments, role) for role in ROLES)
         origin, insertion = (np.vstack([area.landmarks for area in side]) for side in sides)
-        landmarks = origin, insertion
+        landmarks, symmetric = (origin, insertion), field_array(template.data, "Symmetric")
+        mirrors = symmetric is not None and bool(symmetric[0])
         points, guide = muscle.points[np.unique(muscle.triangles)], None
         if superficial is not None:
             seen = boxes.superficial_pieces(superficial.points, superficial.offsets, points)
@@ -108,10 +112,10 @@ class TemplateFitter(Filter):
                 return boxes.angle_to_nearest(seen, apply_transform(box, template.points), template.offsets)
 
         def fitted() -> list[boxes.BoxFit]:
-            fit = partial(boxes.fit_box, landmarks=landmarks, areas=areas, guide=guide)
+            fit = partial(boxes.fit_box, landmarks=landmarks, areas=areas, guide=guide, mirrors=mirrors)
             return [fit(points, axis, angle_step=self.angle_step) for axis in self._axes(points, *landmarks)]
 
-        settings = self.axis, self.angle_step, *landmarks, *areas
+        settings = self.axis, self.angle_step, mirrors, *landmarks, *areas
         fits = fitted() if guide is not None else muscle.geometry.once("boxes", settings, fitted)
         least = min(fit.cost for fit in fits)
         best = next(fit for fit in fits if fit.cost <= least + ROUNDING)

@@ -162,7 +162,9 @@ def own_axes(points: Floats) -> tuple[Floats, Floats]:
     """
     centre = points.mean(axis=0)
     arms = points - centre
-    weights = 1.0 + UNEVEN * (uneven_weights(len(points)) - 0.5)
+    sizes = np.linalg.eigvalsh(arms.T @ arms)
+    uneven = UNEVEN if np.diff(sizes).min() <= UNEVEN * sizes[-1] else 0.0
+    weights = 1.0 + uneven * (uneven_weights(len(points)) - 0.5)
     axes = np.linalg.eigh((arms * weights[:, None]).T @ arms)[1].T[::-1].copy()
     axes *= np.where(axes @ skewed_direction(points) < 0.0, -1.0, 1.0)[:, None]
     return centre, axes
@@ -182,8 +184,8 @@ def _in_own_order(points: Floats, faces: Ints) -> Ints:
     along = np.round(along / max(SAME * float(np.ptp(along, axis=0).max()), 1e-300))
     by_position = np.lexsort(along.T[::-1])
     ordered = faces[by_position[space_order(along[by_position])]]
-    first = ((points[ordered] - centre) @ axes.T @ GENERIC).argmin(axis=1)
-    return np.take_along_axis(ordered, (first[:, None] + np.arange(3)) % 3, axis=1)
+    corners = ((points[ordered] - centre) @ axes.T @ GENERIC).argsort(axis=1)
+    return np.take_along_axis(ordered, corners, axis=1)
 
 
 def samples_inside(inside: Callable[[Floats], Bools], points: Floats, count: int) -> Floats:
