@@ -55,7 +55,7 @@ from scipy.spatial import ConvexHull, cKDTree
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.errors import MOST_TEXT, InputError, check_is_file, fault_of
-from vtkmuscle.core.mesh.normals import perpendiculars
+from vtkmuscle.core.mesh.normals import perpendiculars, unit_vectors
 from vtkmuscle.core.mesh.polylines import proper_segments, segments
 from vtkmuscle.core.mesh.sampling import skewed_direction, sobol
 from vtkmuscle.core.mesh.surface import extent
@@ -227,8 +227,7 @@ def principal_axis(points: Floats, origin: Floats, insertion: Floats) -> Floats:
     The eigenvector of the covariance's largest eigenvalue, directed from the origin's to the insertion's
     centroid.
     """
-    centred = points - points.mean(axis=0)
-    axis: Floats = np.linalg.eigh(centred.T @ centred)[1][:, -1]
+    axis: Floats = np.linalg.eigh(np.cov(points.T))[1][:, -1]
     return axis if axis @ (insertion.mean(axis=0) - origin.mean(axis=0)) >= 0.0 else -axis
 
 
@@ -263,11 +262,10 @@ def fit_box(
     if least <= 1e-14 * largest or not heights.max() > heights.min():
         raise InputError("", "the points of the muscle lie in one plane, so a box around them has no volume")
     x, y = seen[ConvexHull(seen).vertices].T[:, :, None]
-    steps = np.arange(0.0, 360.0, angle_step)
     # The muscle's longer tail decides on the hand, as it does on the first side.
     first_turn, left = _least_rectangle_angle(np.column_stack([x, y]), skewed_direction(seen))
     hand = -1.0 if mirrors and left else 1.0
-    turn = first_turn + hand * np.radians(steps)
+    turn = first_turn + hand * np.radians(np.arange(0.0, 360.0, angle_step))
     c, s = np.cos(turn), np.sin(turn)
     sides = x * c + y * s, hand * (y * c - x * s)
     ends = [
@@ -280,8 +278,7 @@ def fit_box(
 
     errors = np.zeros(len(turn))
     for area, targets in zip(areas, landmarks, strict=True):
-        inside = low[:, None] + area * extents[:, None]
-        corners = np.einsum("kij,kaj->kai", frames, inside).reshape(-1, 3)
+        corners = np.einsum("kij,kaj->kai", frames, low[:, None] + area * extents[:, None]).reshape(-1, 3)
         errors += cdist(corners, targets).min(axis=1).reshape(len(turn), -1).sum(axis=1)
     boxes = np.tile(np.eye(4), (len(turn), 1, 1))
     boxes[:, :3, :3] = frames * extents[:, None]
@@ -339,8 +336,7 @@ def _least_rectangle_angle(outline: Floats, marker: Floats) -> tuple[float, bool
     """
     edges = np.roll(outline, -1, axis=0) - outline
     lengths = np.linalg.norm(edges, axis=1)
-    edges = edges[lengths > SAME * lengths.sum()]
-    directions = edges / np.linalg.norm(edges, axis=1)[:, None]
+    directions = unit_vectors(edges[lengths > SAME * lengths.sum()])
     sideways = np.column_stack([-directions[:, 1], directions[:, 0]])
     areas = np.ptp(outline @ directions.T, axis=0) * np.ptp(outline @ sideways.T, axis=0)
     least = areas <= areas.min() * (1.0 + ROUNDING)

@@ -9,6 +9,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.polylines import inner_points
 from vtkmuscle.core.morphing.isolines import IsolineCourse, attachment_field, morph_by_isolines
 from vtkmuscle.core.morphing.slices import Box, Morph, Slicing, morph_by_planes
@@ -176,8 +177,7 @@ def _runs_upwards(template: Any, box: Floats) -> bool:
     if any(area is None or area.ndim != 2 or area.shape[1] != 3 for area in areas):
         return True
     inner = Box(box)
-    origin, insertion = (inner.coordinates(np.asarray(area)) / inner.sides for area in areas)
-    return areas_are_opposite(origin, insertion)
+    return areas_are_opposite(*(inner.coordinates(np.asarray(area)) / inner.sides for area in areas))
 
 
 def _box(template: Any) -> Floats:
@@ -187,10 +187,8 @@ def _box(template: Any) -> Floats:
         raise InputError("template", "the field array 'Transform' is missing", "run TemplateFitter")
     if values.size == 16 and np.isfinite(values).all():
         box: Floats = np.array(values, dtype=np.float64).reshape(4, 4)
-        sides = np.linalg.norm(box[:3, :3], axis=0)
-        if sides.min() > 0.0 and np.array_equal(box[3], [0.0, 0.0, 0.0, 1.0]):
-            axes = box[:3, :3] / sides
-            if np.abs(axes.T @ axes - np.eye(3)).max() < 1e-6:
-                return box
+        axes = unit_vectors(box[:3, :3].T)
+        if np.array_equal(box[3], [0.0, 0.0, 0.0, 1.0]) and np.abs(axes @ axes.T - np.eye(3)).max() < 1e-6:
+            return box
     problem = "the field array 'Transform' is not the matrix of a box: a rotated, scaled cube, row by row"
     raise InputError("template", problem, "run TemplateFitter")
