@@ -77,7 +77,8 @@ def add_path_arrays(fibres: vtkPolyData, paths: PathLines, where: str) -> None:
     if len(paths.points) != count:
         problem = f"there are {len(paths.points)} paths, but {count} fibres"
         raise InputError(where, problem, "connect TautPaths for the same fibres")
-    kept = SQUEEZED, SAG, BOW, *names_of(LEVER, cells).values(), *names_of(BOW_LEVER, cells).values()
+    bows = [BOW] * cells.HasArray(BOW)
+    kept = SQUEEZED, SAG, *bows, *names_of(LEVER, cells).values(), *names_of(BOW_LEVER, cells).values()
     names = {PATH_LENGTH: LENGTH, PATH_REST: REST_LENGTH, **dict(zip(kept, kept, strict=True))}
     arrays = {own: cell_array(paths.data, name, where) for own, name in names.items()}
     add_arrays(fibres, cells=arrays | {PATH_POINTS: paths.points.reshape(count, -1)})
@@ -97,7 +98,9 @@ def paths_of(fibres: vtkPolyData, where: str) -> Paths | None:
     else:
         return None
     levers = {name: values(array) for name, array in names_of(LEVER, data).items()}
-    bows = {name: values(array) for name, array in {"": BOW, **names_of(BOW_LEVER, data)}.items()}
+    bows = {name: values(array) for name, array in names_of(BOW_LEVER, data).items()}
+    if data.HasArray(BOW):
+        bows[""] = values(BOW)
     return Paths(lengths, rest, points.reshape(len(lengths), -1, 3), levers, bows)
 
 

@@ -18,12 +18,23 @@ from vtkmuscle.core.paths.levers import path_levers
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread, lines_on_surface
 from vtkmuscle.core.paths.neighbours import path_lengths
 from vtkmuscle.core.paths.poses import KeptPoses
-from vtkmuscle.core.paths.sheet import POINTS, MusclePaths
+from vtkmuscle.core.paths.sheet import POINTS, MusclePaths, PathState
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import Polylines, add_arrays, array_of, polylines_from
 from vtkmuscle.data.attachments import rings_by_bone
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
 from vtkmuscle.data.muscle_geometry import Surface
-from vtkmuscle.data.paths import BOW_LEVER, LENGTH, LEVER, PATH_STEPS, REST_POSITION, SAG, SQUEEZED, UNSETTLED
+from vtkmuscle.data.paths import (
+    BOW,
+    BOW_LEVER,
+    LENGTH,
+    LEVER,
+    PATH_STEPS,
+    REST_POSITION,
+    SAG,
+    SQUEEZED,
+    UNSETTLED,
+)
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 from vtkmuscle.filters.base.parameters import quality_of
 
@@ -78,6 +89,8 @@ class TautPaths(Filter):
         paths.
     levers
         Compute the moment arm of each path for each coordinate.
+    bows
+        Compute ``Bow`` and ``BowLever_COORDINATE``, parts of the errors of means.
     checkpoint_memory
         Memory for computed poses.
 
@@ -131,6 +144,7 @@ class TautPaths(Filter):
     resolution = Parameter(int, default=POINTS - 1, minimum=4, maximum=1000)
     n_paths = Parameter(int, default=100, minimum=LEAST_PATHS, maximum=ALL_PATHS)
     levers = Parameter(bool, default=True)
+    bows = Parameter(bool, default=True)
     checkpoint_memory = Parameter(float, default=64.0, minimum=0.0, units="MB")
 
     rest_fibres = ports.Lines(optional=True)
@@ -168,18 +182,26 @@ class TautPaths(Filter):
         settled = state.settled and rest.settled
         measures = {LENGTH: state.lengths, "Ratio": state.lengths / rest.lengths}
         measures |= {array_of(LEVER, name): values for name, values in levers.items()}
-        free, lines = state.per_fibre(free_shares(state, held)), state.paths[:, [0, -1]]
-        measures["Bow"] = free * (state.lengths - path_lengths(lines))
-        twists = np.array([bones.twists[name] for name in levers]).reshape(-1, len(bones.transforms), 6)
-        alone: Any = {}, twists, np.zeros_like(lines), (np.zeros_like, np.zeros_like)
-        for name, lever in zip(levers, path_levers(lines, end_bones, *alone), strict=True):
-            measures[array_of(BOW_LEVER, name)] = free * (levers[name] - lever)
+        if self.bows:
+            twists = np.array([bones.twists[name] for name in levers]).reshape(-1, len(bones.transforms), 6)
+            measures |= _bows(state, held, levers, twists, end_bones)
         of_solved = {"Contact": state.contacts, SQUEEZED: state.squeezed, SAG: state.sags}
         cells = {name: state.per_fibre(values) for name, values in of_solved.items()}
         cells |= {name: values if settled else np.full(count, np.nan) for name, values in measures.items()}
         cells["RestLength"], rest_points = rest.lengths, {REST_POSITION: rest.paths.reshape(-1, 3)}
         fields = {UNSETTLED: int(not settled), PATH_STEPS: state.steps}
         return add_arrays(result, points=rest_points, cells=cells, fields=fields)
+
+
+def _bows(
+    state: PathState, held: Floats, levers: Mapping[str, Floats], twists: Floats, end_bones: tuple[Ints, Ints]
+) -> dict[str, Floats]:
+    """Return the parts of lengths and levers that are of bows off the bones."""
+    free, lines = state.per_fibre(free_shares(state, held)), state.paths[:, [0, -1]]
+    alone: Any = {}, twists, np.zeros_like(lines), (np.zeros_like, np.zeros_like)
+    straight = zip(levers.items(), path_levers(lines, end_bones, *alone), strict=True)
+    bows = {array_of(BOW_LEVER, name): free * (own - line) for (name, own), line in straight}
+    return {BOW: free * (state.lengths - path_lengths(lines)), **bows}
 
 
 def _paths_at_rest(

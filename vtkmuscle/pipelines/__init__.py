@@ -127,7 +127,7 @@ DEFORMERS: Mapping[str, type[PathDeformer] | type[PBDDeformer] | None] = Mapping
 #: Settings of each deformer.
 DEFORMER_SETTINGS = {name: getattr(kind, "parameter_declarations", {}) for name, kind in DEFORMERS.items()}
 #: Settings of paths that only check the lengths of fibres.
-FEW_PATHS: Mapping[str, Any] = {"quality": "preview", "n_paths": 9, "levers": False}
+FEW_PATHS: Mapping[str, Any] = {"quality": "preview", "n_paths": 9, "levers": False, "bows": False}
 #: Presets of TautPaths and PathDeformer, and further presets of PBDDeformer.
 QUALITIES = tuple(dict.fromkeys([*PATH_PRESETS, *PRESETS]))
 

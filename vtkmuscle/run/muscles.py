@@ -128,7 +128,7 @@ class MuscleRun:
         taut, deformer = pipeline.taut_paths, pipeline.deformer
         track.report["frames"] = []
         if taut is not None:
-            taut.levers = output == "moment_arms"
+            taut.levers, taut.bows = output == "moment_arms", output == "lengths"
         for number in self.run.numbers:
             self._report_progress("pulling paths" if deformer is None else "deforming", number / last)
             now = float(self.scene.motion.times[number])

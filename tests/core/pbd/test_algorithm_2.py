@@ -90,7 +90,7 @@ class Both:
 
 
 #: Steps that are compared: each takes a second of plain Python.
-STEPS = pytest.mark.parametrize("steps", [3, pytest.param(20, marks=pytest.mark.study)])
+STEPS = pytest.mark.parametrize("steps", [5, pytest.param(20, marks=pytest.mark.study)])
 
 
 @pytest.fixture(scope="module")
