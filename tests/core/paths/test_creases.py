@@ -27,7 +27,7 @@ def test_an_infraspinatus_on_the_spine_of_its_scapula_comes_to_rest(bp3d_arm):
         assert not field_array(frame, "Unsettled")[0]
         steps.append(field_array(frame, "PathSteps")[0])
     # With other differences of distances where these are flat no frame comes to rest.
-    assert np.median(steps) <= 12
+    assert np.median(steps) <= 14
 
 
 @pytest.mark.slow
@@ -36,7 +36,7 @@ def test_a_sheet_of_a_hundred_paths_that_is_wedged_comes_to_rest():
     made = strung(phantoms.slivered_tendon(), 100)
     for state in swept(made.pulled(), made.poses()):
         assert state.settled
-        assert state.steps < 60
+        assert state.steps < 100
 
 
 def test_a_sheet_in_the_groove_of_a_pulley_comes_to_rest():

@@ -107,9 +107,9 @@ def flexed_hip(scene, name):
     ("name", "straight", "back"),
     [
         ("gluteus_medius", (LENGTHS, LEVERS), (LENGTHS, 0.1)),
-        ("gluteus_maximus", (0.18, 0.2), (LENGTHS, LEVERS)),
+        ("gluteus_maximus", (LENGTHS, LEVERS), (LENGTHS, LEVERS)),
         pytest.param("iliacus", (LENGTHS, LEVERS), (LENGTHS, LEVERS), marks=pytest.mark.long),
-        ("adductor_brevis", (LENGTHS, LEVERS), (LENGTHS, LEVERS)),
+        ("adductor_brevis", (0.06, 0.2), (LENGTHS, LEVERS)),
     ],
 )
 @pytest.mark.slow

@@ -184,7 +184,7 @@ def _in_own_order(points: Floats, faces: Ints) -> Ints:
     along = np.round(along / max(SAME * float(np.ptp(along, axis=0).max()), 1e-300))
     by_position = np.lexsort(along.T[::-1])
     ordered = faces[by_position[space_order(along[by_position])]]
-    corners = ((points[ordered] - centre) @ axes.T @ -GENERIC).argsort(axis=1)
+    corners = ((points[ordered] - centre) @ axes.T @ GENERIC).argsort(axis=1)
     return np.take_along_axis(ordered, corners, axis=1)
 
 
