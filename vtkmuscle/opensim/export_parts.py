@@ -198,11 +198,11 @@ class _Search:
     def flips(self, path: PointPath) -> bool:
         """Return whether a path takes both sides of a cylinder: its moment arm jumps."""
         points = path.positions(self.at)
-        sides = (
-            each.segments(self.at.bodies[each.body], *points[each.after : each.after + 2])[1]
-            for each in path.cylinders
-        )
-        return any(side.min() < 0.0 < side.max() for side in sides)
+        for each in path.cylinders:
+            sides = each.segments(self.at.bodies[each.body], *points[each.after : each.after + 2])[1]
+            if sides.min() < 0.0 < sides.max():
+                return True
+        return False
 
     def refined(self, path: PointPath) -> PointPath:
         """Return the path with optimal via points and cylinders."""
