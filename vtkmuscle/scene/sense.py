@@ -72,7 +72,8 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
 
 
 def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
-    clouds = [each.points for each in (*anatomy.bones.values(), *anatomy.muscles.values())]
+    clouds = [bone.points for bone in anatomy.bones.values()]
+    clouds += [muscle.points for muscle in anatomy.muscles.values()]
     longest = max(float(np.ptp(points, axis=0).max()) for points in clouds)
     offset = max(float(np.abs(points).max()) for points in clouds)
     if offset > CHECKS["far_from_origin"]["sizes"] * longest > 0.0:

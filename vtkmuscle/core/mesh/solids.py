@@ -167,7 +167,7 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
 
 def _proper(triangles: Ints) -> Ints:
     """Return the triangles of three different points; a ValueError for none."""
-    proper = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+    proper: Ints = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
     if not len(proper):
         raise InputError("", "the surface has no triangles of three different points")
     return proper
