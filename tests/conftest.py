@@ -98,6 +98,16 @@ def scene_file(tmp_path):
     return write_tiny_scene(tmp_path / "scene")
 
 
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    """The tiny scene."""
+    from tiny_scene import write_tiny_scene
+
+    from vtkmuscle import Scene
+
+    return Scene.load(write_tiny_scene(tmp_path_factory.mktemp("scene")))
+
+
 #: Names in a test that takes a package of the extra ``test-all``.
 OPTIONAL = {"igl", "importorskip"}
 

@@ -5,17 +5,11 @@ import shutil
 
 import pytest
 from mutations import judged, mutated
-from tiny_scene import HINGE, MOTION, write_tiny_scene
+from tiny_scene import HINGE, MOTION, TEMPLATE, write_tiny_scene
 
 from vtkmuscle import Scene
 
 LANDMARKS = "x,y,z\n" + "".join(f"{x},{y},34.0\n" for x, y in [(4, 0), (0, 4), (-4, 0), (0, -4), (4, 0)])
-TEMPLATE = """sheets = [
-    [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]],
-    [[0.3, 0, 0.5], [1, 0, 0.5], [1, 1, 0.5], [0.3, 1, 0.5]],
-    [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],
-]
-"""
 RING = "[[4, 0, -34], [0, 4, -34], [-4, 0, -34], [0, -4, -34], [4, 0, -34]]"
 
 #: Which file is damaged, and what is put into the scene for it.

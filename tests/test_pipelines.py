@@ -4,9 +4,7 @@ import gc
 
 import numpy as np
 import pytest
-from tiny_scene import write_tiny_scene
 
-from vtkmuscle import Scene
 from vtkmuscle.data.arrays import cell_array, points_of, polylines_of
 from vtkmuscle.data.attachments import Aponeurosis, aponeuroses_data, attachments_from
 from vtkmuscle.filters import (
@@ -22,11 +20,6 @@ from vtkmuscle.filters import (
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.pipelines import DEFORMERS, FIBRE_SETTINGS, MusclePipeline, decompose, deform
 from vtkmuscle.run import muscle_pipeline
-
-
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory):
-    return Scene.load(write_tiny_scene(tmp_path_factory.mktemp("scene")))
 
 
 @pytest.fixture

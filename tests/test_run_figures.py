@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import pyvista as pv
 from PIL import Image
-from tiny_scene import write_tiny_scene
 from two_joint_scene import JOINTS, save_strap, scene_with
 
 from vtkmuscle import Scene
@@ -22,11 +21,6 @@ from vtkmuscle.report.data import Pack, curves_of
 from vtkmuscle.run import figures as run_figures
 from vtkmuscle.run import result as run_result
 from vtkmuscle.run import steps as run_steps
-
-
-@pytest.fixture
-def scene(tmp_path_factory):
-    return Scene.load(write_tiny_scene(tmp_path_factory.mktemp("scene")))
 
 
 @pytest.fixture

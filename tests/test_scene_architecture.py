@@ -9,6 +9,7 @@ from phantoms import block_sheets, fibre_block
 
 from vtkmuscle import Scene
 from vtkmuscle.data.anatomy import published
+from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.phantoms import spindle_over_hinge
 
 
@@ -43,9 +44,7 @@ def test_a_pennate_block_has_the_fascicles_that_are_known():
 def test_the_scenes_tendon_shortens_every_fibre_by_itself(spindle):
     (whole, _), (less, name) = spindle, run(spindle_over_hinge(), tendon_slack_length=40.0)
     found = less.report["muscles"][name]["architecture"]
-    fibres = np.linalg.norm(np.diff(whole.rest_fibres(name).points.reshape(20, -1, 3), axis=1), axis=2).sum(
-        axis=1
-    )
+    fibres = polylines_of(whole.rest_fibres(name), name).lengths
     assert found["tendon_from"] == "scene"
     assert found["tendon_length_mm"] == pytest.approx(40.0)
     assert found["fascicle_length_mm"]["mean"] == pytest.approx(fibres.mean() - 40.0, rel=1e-6)

@@ -171,20 +171,16 @@ def with_template(scene_file, name):
 # ------------------------------------------------------------------------------- superficial fibres
 
 
-def with_superficial(scene_file, points, offsets=(0, 2, 4), name="seen.vtp"):
-    write_polydata(scene_file.parent / name, polylines_from(Polylines(np.array(points), np.array(offsets))))
-    edit(scene_file, "[solver]", f'superficial_fibres = "{name}"\n[solver]')
-    return scene_file
-
-
-SEEN = [(10.0, 0, -5), (9.0, 4, 5), (-10.0, 0, -5), (-9.0, -4, 5)]
-
-
 def test_superficial_fibres_are_read_used_and_saved(scene_file, tmp_path):
     plain = Scene.load(scene_file).run(frames="0:2", figures=False)
-    scene = Scene.load(with_superficial(scene_file, SEEN))
+    seen = Polylines(
+        np.array([(10.0, 0, -5), (9.0, 4, 5), (-10.0, 0, -5), (-9.0, -4, 5)]), np.array([0, 2, 4])
+    )
+    write_polydata(scene_file.parent / "seen.vtp", polylines_from(seen))
+    edit(scene_file, "[solver]", 'superficial_fibres = "seen.vtp"\n[solver]')
+    scene = Scene.load(scene_file)
     lines = polylines_of(scene.muscles["spindle"].superficial_fibres, "seen")
-    np.testing.assert_array_equal(lines.points, SEEN)
+    np.testing.assert_array_equal(lines.points, seen.points)
     again = Scene.load(scene.save(tmp_path / "again"))
     assert tables_of(again) == tables_of(scene)
     same = polylines_of(again.muscles["spindle"].superficial_fibres, "seen")

@@ -38,6 +38,13 @@ attachments = [
 iterations = 3
 """
 
+#: A template of one part.
+TEMPLATE = """sheets = [
+    [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]],
+    [[0.3, 0, 0.5], [1, 0, 0.5], [1, 1, 0.5], [0.3, 1, 0.5]],
+    [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],
+]
+"""
 #: The motion of the scene, and a hinge in its place.
 MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 HINGE = """

@@ -38,7 +38,7 @@ VOLUME_BOUND, EDGE_BOUND, FOLD_BOUND, ITERATIONS, TURN_BOUND = 1e-6, 12.0, 12, 1
 SHORT = 0.01
 
 
-def tube(rings=9, around=8, length=100.0, radius=12.0, cap=True):
+def tube(rings=9, around=8, length=100.0, radius=12.0):
     """Return points and triangles of a spindle along z; flat pairs at its ends."""
     z = np.linspace(-length / 2, length / 2, rings)
     r = radius * (0.5 + 0.5 * np.cos(np.pi * z / length))

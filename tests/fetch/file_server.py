@@ -6,26 +6,22 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 
 @contextmanager
-def serving(files, *, cut=(), missing=(), once=False):
-    """Serve bytes by path; give its address and the paths that were asked for.
-
-    Of a file to be cut the first half is sent; with ``once`` it is whole the next time, as a missing one.
-    """
+def serving(files, *, cut=(), missing=()):
+    """Serve bytes by path, half of files to be cut; give its address and the paths that were asked for."""
     asked = []
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self):
             path = self.path.lstrip("/")
             asked.append(path)
-            faulty = not once or asked.count(path) == 1
-            if path not in files or (path in missing and faulty):
+            if path not in files or path in missing:
                 self.send_error(404)
                 return
             content = files[path]
             self.send_response(200)
             self.send_header("Content-Length", str(len(content)))
             self.end_headers()
-            self.wfile.write(content[: len(content) // 2] if path in cut and faulty else content)
+            self.wfile.write(content[: len(content) // 2] if path in cut else content)
 
         def log_message(self, *_):
             pass

@@ -5,13 +5,16 @@ import hashlib
 import math
 
 import numpy as np
+import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonCore import vtkAbstractArray, vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkMultiBlockDataSet, vtkPolyData
 
 from examples import OBJECTS, TIMES, deep_copy, example
-from vtkmuscle.data.arrays import blocks_of, points_of, vtk_points
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.data.arrays import blocks_of, field_array, point_array, points_of, triangles_of, vtk_points
 from vtkmuscle.data.pipeline_times import announce_times
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
@@ -152,12 +155,31 @@ def _reference(kind):
 
 def digests(algorithm, **request):
     """Bring a filter up to date, and return the hashes of its outputs."""
-    output = algorithm.update(**request).output
-    return [digest(data) for data in (output if isinstance(output, tuple) else (output,))]
+    return results_digests(algorithm.update(**request).output)
 
 
 def results_digests(results):
     return [digest(data) for data in (results if isinstance(results, tuple) else (results,))]
+
+
+def check_carried(out, rest, transforms):
+    """Check that fixed points follow their bones, and that the volume is kept, and reported."""
+    now, before, triangles = points_of(out), points_of(rest), triangles_of(rest, "")
+    marks = point_array(rest, "FixedTo", "")
+    for bone, transform in enumerate(transforms):
+        expected = apply_transform(transform, before[marks == bone])
+        np.testing.assert_allclose(now[marks == bone], expected, rtol=0.0, atol=1e-9)
+    volume = signed_volume(now, triangles) / signed_volume(before, triangles)
+    assert volume == pytest.approx(1.0, abs=1e-9)
+    assert field_array(out, "VolumeRatio")[0] == pytest.approx(volume, rel=1e-9)
+
+
+def check_shape_report(out):
+    """Check that a report of a bent muscle's shape is there, and is plausible."""
+    stretch = [field_array(out, f"EdgeStretch{name}")[0] for name in ("P95", "Max")]
+    assert 0.5 < stretch[0] < stretch[1] < 5.0
+    assert 0.0 < field_array(out, "DihedralErrorP95")[0] < 90.0
+    assert field_array(out, "DegenerateEdges")[0] == 0
 
 
 def count_executions(algorithm):

@@ -1,18 +1,13 @@
 import numpy as np
 import pytest
+from filter_case import count_calls
 from numpy.testing import assert_allclose, assert_array_equal
 from shapes import lines_of
-from vtkmodules.vtkFiltersSources import vtkSphereSource
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from vtkmuscle.core.fibres import embedding
 from vtkmuscle.data.arrays import add_arrays, cell_array, field_array, points_of, with_points
 from vtkmuscle.filters.fibre_transport import FibreTransport
-
-
-@pytest.fixture
-def muscle():
-    source = vtkSphereSource(radius=20.0, theta_resolution=16, phi_resolution=12, output_points_precision=1)
-    return source.update().output
 
 
 @pytest.fixture
@@ -21,16 +16,12 @@ def fibres():
     return lines_of([np.column_stack([25 * t, 6 * np.sin(t + i), np.full(9, float(i))]) for i in range(3)])
 
 
-def count_weight_computations(monkeypatch):
-    calls = []
-    original = embedding.mean_value_coordinates
-
-    def counted(*args, **kwargs):
-        calls.append(1)
-        return original(*args, **kwargs)
-
-    monkeypatch.setattr(embedding, "mean_value_coordinates", counted)
-    return calls
+@pytest.fixture
+def weights(monkeypatch):
+    """Count the computations of weights."""
+    done = []
+    count_calls(monkeypatch, done, embedding, "mean_value_coordinates", "weights")
+    return done
 
 
 def test_without_a_deformation_fibres_come_back_also_those_outside(fibres, muscle):
@@ -46,26 +37,22 @@ def test_rest_lengths_are_added_and_other_arrays_kept(fibres, muscle):
     assert_array_equal(cell_array(moved, "FibreId", ""), [4, 5, 6])
 
 
-def test_weights_are_computed_once_while_the_rest_state_stays(monkeypatch, fibres, muscle):
-    calls = count_weight_computations(monkeypatch)
+def test_weights_are_computed_once_while_the_rest_state_stays(weights, fibres, muscle):
     transport = FibreTransport()
     for scale in (1.0, 0.9, 0.8):
         transport(fibres, muscle, with_points(muscle, scale * points_of(muscle)))
-    assert len(calls) == 1
+    assert len(weights) == 1
 
 
 @pytest.mark.parametrize("which", ["fibres", "muscle"])
-def test_a_change_of_the_rest_state_is_noticed_even_behind_vtks_back(monkeypatch, fibres, muscle, which):
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-
-    calls = count_weight_computations(monkeypatch)
+def test_a_change_of_the_rest_state_is_noticed_even_behind_vtks_back(weights, fibres, muscle, which):
     transport = FibreTransport()
     deformed = with_points(muscle, points_of(muscle))
     transport(fibres, muscle, deformed)
     # A numpy view writes into VTK's memory without marking anything modified.
     vtk_to_numpy({"fibres": fibres, "muscle": muscle}[which].GetPoints().GetData())[:] *= 0.5
     moved = transport(fibres, muscle, deformed)
-    assert len(calls) == 2
+    assert len(weights) == 2
     assert_allclose(points_of(moved), {"fibres": 1.0, "muscle": 2.0}[which] * points_of(fibres), atol=1e-9)
 
 

@@ -6,8 +6,8 @@ from filter_case import Timed
 from shapes import lines_of
 
 from vtkmuscle.core.motion.coordinates import Coordinate
-from vtkmuscle.core.motion.rigid import RigidMotion, hinge, rotation_about
-from vtkmuscle.data.arrays import add_arrays, cell_array, field_array, field_string
+from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, rotation_about
+from vtkmuscle.data.arrays import add_arrays, cell_array, field_array, field_string, points_of, polylines_of
 from vtkmuscle.filters import MomentArms
 
 #: Two points that turn about the x axis with the bone, and where their fibres begin [mm].
@@ -15,14 +15,17 @@ STARTS = np.array([[0.0, -80.0, 30.0], [5.0, -80.0, 40.0]])
 ENDS = np.array([[0.0, 40.0, 20.0], [5.0, 50.0, 10.0]])
 
 
+def ends_at(angle):
+    return apply_transform(rotation_about((0, 0, 0), (1, 0, 0), angle), ENDS)
+
+
 def lines_at(angle):
-    ends = ENDS @ rotation_about((0, 0, 0), (1, 0, 0), angle)[:3, :3].T
-    return lines_of(np.stack([STARTS, ends], axis=1))
+    return lines_of(np.stack([STARTS, ends_at(angle)], axis=1))
 
 
 def known_arms(angle):
     """Return the lever of each straight fibre's pull about the x axis, positive right-handed."""
-    ends = ENDS @ rotation_about((0, 0, 0), (1, 0, 0), angle)[:3, :3].T
+    ends = ends_at(angle)
     pull = STARTS - ends
     pull /= np.linalg.norm(pull, axis=1)[:, None]
     return np.cross(ends, pull)[:, 0]
@@ -122,13 +125,9 @@ def test_fibres_must_be_the_same_and_have_a_time():
 def paths_at(angle):
     """Return the straight fibres, as paths that pull at the bone of their ends."""
     data = lines_at(angle)
-    points = np.array(data.GetPoints().GetData()).reshape(-1, 2, 3)
-    pull = points[:, 0] - points[:, 1]
-    lengths = np.linalg.norm(pull, axis=1)
-    levers = np.cross(points[:, 1], pull / lengths[:, None])[:, 0]
-    rest = np.array(lines_at(0.0).GetPoints().GetData())
-    cells = {"Length": lengths, "RestLength": lengths, "Bow": 0.0 * lengths, "Lever_knee": levers}
-    return add_arrays(data, points={"RestPosition": rest}, cells=cells)
+    lengths = polylines_of(data, "paths").lengths
+    cells = {"Length": lengths, "RestLength": lengths, "Bow": 0.0 * lengths, "Lever_knee": known_arms(angle)}
+    return add_arrays(data, points={"RestPosition": points_of(lines_at(0.0))}, cells=cells)
 
 
 KNEE = hinge("b", (0, 0, 0), (1, 0, 0), ANGLES, coordinate="knee")

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from shapes import lines_of
-from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from examples import PHANTOM, aponeuroses
 from vtkmuscle.core.mesh.solids import solids_of
@@ -14,12 +13,6 @@ from vtkmuscle.pipelines import MusclePipeline
 
 #: By how much the paths get shorter, at their ends [mm].
 SHORTER = 4.0
-
-
-@pytest.fixture
-def muscle():
-    source = vtkSphereSource(radius=20.0, theta_resolution=16, phi_resolution=12, output_points_precision=1)
-    return source.update().output
 
 
 @pytest.fixture

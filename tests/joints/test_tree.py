@@ -10,33 +10,16 @@ from vtkmuscle.opensim.muscle_paths import PathPoint, PointPath, moment_arm
 
 
 def leg():
-    hip = Joint(
-        "hip",
-        "pelvis",
-        "femur",
-        [JointAxis((0, 0, 1), IDENTITY, "flexion"), JointAxis((1, 0, 0), IDENTITY, "adduction")],
-        parent_frame=frame_at((10.0, -20.0, 30.0)),
-        child_frame=frame_at((0.0, 5.0, 0.0)),
-    )
-    knee = Joint(
-        "knee",
-        "femur",
-        "tibia",
-        [JointAxis((0, 0, 1), IDENTITY, "knee")],
-        parent_frame=frame_at((0.0, -400.0, 0.0)),
-    )
-    patella = Joint(
-        "patella",
-        "femur",
-        "patella",
-        [JointAxis((0, 0, 1), IDENTITY, "slide")],
-        [JointAxis((1, 0, 0), Polynomial([40.0]))],
-        parent_frame=frame_at((0.0, -400.0, 0.0)),
-    )
+    turns = {name: JointAxis((0, 0, 1), IDENTITY, name) for name in ("flexion", "knee", "slide")}
+    at_hip = {"parent_frame": frame_at((10.0, -20.0, 30.0)), "child_frame": frame_at((0.0, 5.0, 0.0))}
+    at_knee = frame_at((0.0, -400.0, 0.0))
+    adduction, ahead = JointAxis((1, 0, 0), IDENTITY, "adduction"), JointAxis((1, 0, 0), Polynomial([40.0]))
+    hip = Joint("hip", "pelvis", "femur", [turns["flexion"], adduction], **at_hip)
+    knee = Joint("knee", "femur", "tibia", [turns["knee"]], parent_frame=at_knee)
+    patella = Joint("patella", "femur", "patella", [turns["slide"]], [ahead], parent_frame=at_knee)
     names = [JointCoordinate(name) for name in ("flexion", "adduction", "knee", "slide")]
-    return KinematicTree(
-        "pelvis", [knee, patella, hip], names, [Coupling("slide", "knee", Polynomial([0.6, 0.1]))]
-    )
+    following = Coupling("slide", "knee", Polynomial([0.6, 0.1]))
+    return KinematicTree("pelvis", [knee, patella, hip], names, [following])
 
 
 def test_poses_are_products_of_turns_about_moved_axes():
@@ -101,13 +84,9 @@ def test_what_is_no_tree_is_told(joints, words):
 
 
 def test_couplings_in_a_ring_are_refused():
+    ring = [Coupling("a", "b", IDENTITY), Coupling("b", "a", IDENTITY)]
     with pytest.raises(ValueError, match="ring"):
-        KinematicTree(
-            "g",
-            [],
-            [JointCoordinate("a"), JointCoordinate("b")],
-            [Coupling("a", "b", IDENTITY), Coupling("b", "a", IDENTITY)],
-        )
+        KinematicTree("g", [], [JointCoordinate("a"), JointCoordinate("b")], ring)
 
 
 def test_unknown_coordinates_and_values_that_are_not_finite_are_refused():

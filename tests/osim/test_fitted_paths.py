@@ -15,17 +15,10 @@ from vtkmuscle.opensim.muscle_paths import Cylinder, PathPoint, PointPath, momen
 
 def leg():
     hip = Joint("hip_joint", "pelvis", "femur", [JointAxis((0, 0, 1), IDENTITY, "hip")], kind="pin")
-    knee = Joint(
-        "knee_joint",
-        "femur",
-        "tibia",
-        [JointAxis((0, 0, 1), IDENTITY, "knee")],
-        parent_frame=frame_at((0.0, -0.4, 0.0)),
-        kind="pin",
-    )
-    return KinematicTree(
-        "pelvis", [hip, knee], [JointCoordinate(name, range=(-1, 2)) for name in ("hip", "knee")]
-    )
+    bending, at_knee = [JointAxis((0, 0, 1), IDENTITY, "knee")], frame_at((0.0, -0.4, 0.0))
+    knee = Joint("knee_joint", "femur", "tibia", bending, parent_frame=at_knee, kind="pin")
+    coordinates = [JointCoordinate(name, range=(-1, 2)) for name in ("hip", "knee")]
+    return KinematicTree("pelvis", [hip, knee], coordinates)
 
 
 GRID = grid_of({"hip": np.linspace(0.0, 1.5, 9), "knee": np.linspace(0.0, 1.5, 8)})
@@ -60,13 +53,27 @@ def test_moment_arms_tell_what_few_lengths_do_not():
     assert both.max() < 0.2 * alone.max()
 
 
+ROLLER = Cylinder("femur", np.array([0.0, -0.4, 0.0]), np.array([0.0, 0.0, 1.0]), 0.04, 0)
+ROUND_THE_ROLLER = PointPath(
+    [PathPoint("femur", (0.03, -0.1, 0.0)), PathPoint("tibia", (0.05, -0.1, 0.0))], (), [ROLLER]
+)
+
+
+def places_of(points, poses):
+    """Return the places (f, 3) of each of a path's points in the poses of the bodies."""
+    return [poses[p.body][:, :3, :3] @ np.asarray(p.position) + poses[p.body][:, :3, 3] for p in points]
+
+
+def bowed(tips):
+    """Return lines (f, n, 3) between two ends (f, 3), in a bow to the front."""
+    way = np.linspace(0.0, 1.0, 21)[:, None]
+    return tips[0][:, None] * (1 - way) + tips[1][:, None] * way + [0.03, 0.0, 0.0] * np.sin(np.pi * way)
+
+
 def fibre_of(path, n_between=5):
     """Return points (f, n, 3) along a path over fixed points."""
     poses = leg().poses(GRID)
-    corners = np.stack(
-        [poses[p.body][:, :3, :3] @ np.asarray(p.position) + poses[p.body][:, :3, 3] for p in path.points],
-        axis=1,
-    )
+    corners = np.stack(places_of(path.points, poses), axis=1)
     parts = [corners[:, :1]]
     for i in range(corners.shape[1] - 1):
         t = np.linspace(0, 1, n_between + 1)[1:, None]
@@ -103,18 +110,11 @@ def test_points_that_were_fixed_are_found_again():
 def test_a_roller_is_found_again(monkeypatch):
     monkeypatch.setattr(export_parts, "PLACES", (0.5,))
     values = {"hip": np.zeros(8), "knee": np.linspace(-0.5, 0.2, 8)}
-    roller = Cylinder("femur", np.array([0.0, -0.4, 0.0]), np.array([0.0, 0.0, 1.0]), 0.04, 0)
-    ends = [PathPoint("femur", (0.03, -0.1, 0.0)), PathPoint("tibia", (0.05, -0.1, 0.0))]
-    path = PointPath(ends, (), [roller])
-    arms = moment_arm(path, leg(), values, "knee")
+    arms = moment_arm(ROUND_THE_ROLLER, leg(), values, "knee")
     np.testing.assert_allclose(arms[values["knee"] < -0.1], 0.04, atol=1e-9)
     assert arms[-1] > 0.045
-    poses = leg().poses(values)
-    way = np.linspace(0.0, 1.0, 21)[:, None]
-    tips = [poses[one.body][:, :3, :3] @ np.array(one.position) + poses[one.body][:, :3, 3] for one in ends]
-    line = tips[0][:, None] * (1 - way) + tips[1][:, None] * way
-    line = line + [0.03, 0.0, 0.0] * np.sin(np.pi * way)
-    found, errors = fitted(path, line, ("femur", "tibia"), values, tolerance=1e-5)
+    line = bowed(places_of(ROUND_THE_ROLLER.points, leg().poses(values)))
+    found, errors = fitted(ROUND_THE_ROLLER, line, ("femur", "tibia"), values, tolerance=1e-5)
     assert len(found.cylinders) == 1
     assert errors[0] < 2e-4
     assert errors[1] < 1e-3
@@ -135,19 +135,11 @@ def test_the_way_round_a_cylinder_is_tangents_and_an_arc():
 @pytest.mark.slow
 def test_a_cylinder_that_is_passed_on_both_sides_is_not_taken():
     values = {"hip": np.zeros(9), "knee": np.linspace(-1.2, 0.2, 9)}  # through the middle on the way
-    roller = Cylinder("femur", np.array([0.0, -0.4, 0.0]), np.array([0.0, 0.0, 1.0]), 0.04, 0)
-    ends = [PathPoint("femur", (0.03, -0.1, 0.0)), PathPoint("tibia", (0.05, -0.1, 0.0))]
-    path = PointPath(ends, (), [roller])
     poses = leg().poses(values)
-    tips = [poses[one.body][:, :3, :3] @ np.array(one.position) + poses[one.body][:, :3, 3] for one in ends]
-    assert set(roller.segments(poses["femur"], *tips)[1]) == {-1.0, 0.0, 1.0}
-    part = np.linspace(0.0, 1.0, 21)[:, None]
-    line = tips[0][:, None] * (1 - part) + tips[1][:, None] * part + [0.03, 0.0, 0.0] * np.sin(np.pi * part)
-    found, _ = fitted(path, line, ("femur", "tibia"), values, tolerance=1e-5)
+    tips = places_of(ROUND_THE_ROLLER.points, poses)
+    assert set(ROLLER.segments(poses["femur"], *tips)[1]) == {-1.0, 0.0, 1.0}
+    found, _ = fitted(ROUND_THE_ROLLER, bowed(tips), ("femur", "tibia"), values, tolerance=1e-5)
     for one in found.cylinders:
-        near = [
-            poses[point.body][:, :3, :3] @ np.array(point.position) + poses[point.body][:, :3, 3]
-            for point in found.points[one.after : one.after + 2]
-        ]
+        near = places_of(found.points[one.after : one.after + 2], poses)
         turns = one.segments(poses[one.body], *near)[1]
         assert not turns.min() < 0.0 < turns.max()

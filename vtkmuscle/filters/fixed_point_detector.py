@@ -100,10 +100,9 @@ class FixedPointDetector(Filter):
     def execute(self, muscle: Surface, bones: Bones, attachments: Areas | None) -> vtkPolyData:
         """Return the muscle with its fixed points marked."""
         by_area = self.method == "attachment"
-        if by_area:
-            claims = self._by_attachment(muscle, bones, attachments)
-        else:
-            claims = self._by_distance(muscle, bones)
+        claims = (
+            self._by_attachment(muscle, bones, attachments) if by_area else self._by_distance(muscle, bones)
+        )
         fixed_to = np.full(len(muscle.points), -1, dtype=np.int32)
         nearest = np.full(len(muscle.points), np.inf)
         for bone, ids, distances in claims:

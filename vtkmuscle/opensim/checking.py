@@ -153,9 +153,8 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
     model = read_mjcf(path) if Path(path).suffix.lower() == ".xml" else read_osim(path)
     if not model.paths:
         raise InputError(Path(path), "the model has no muscles or ligaments", "give a model with muscles")
-    winding = [name for name, each in model.paths.items() if getattr(each.path, "wraps", ())]
-    if isinstance(model, MujocoModel):
-        winding = []
+    wound = {} if isinstance(model, MujocoModel) else model.paths
+    winding = [name for name, each in wound.items() if getattr(each.path, "wraps", ())]
     by_opensim = _opensim_lengths(Path(path), model, winding) if winding else None
     swept = {each.name for each in model.tree.coordinates if each.range and each.range[0] < each.range[1]}
     crossed = {name: set(each.path.coordinates(model.tree)) for name, each in model.paths.items()}

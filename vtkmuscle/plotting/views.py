@@ -103,8 +103,8 @@ def clustered(points: Floats, triangles: Ints, area: float, wanted: int) -> tupl
     nearest_last = np.argsort(((points - means[cluster]) ** 2).sum(axis=1), kind="stable")[::-1]
     kept = np.zeros(len(counts), dtype=np.int64)
     kept[cluster[nearest_last]] = nearest_last
-    a, b, c = cluster[triangles.T]
-    return kept, cluster[triangles][(a != b) & (b != c) & (c != a)]
+    corners = cluster[triangles]
+    return kept, corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)]
 
 
 IVORY = "#efe6d0"

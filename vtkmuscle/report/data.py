@@ -144,8 +144,7 @@ def _thinned(points: Floats, triangles: Ints, target: int) -> tuple[Ints, Ints]:
     coarse, coarse_triangles = decimated(points, triangles, target)
     chosen, index = np.unique(cKDTree(points).query(coarse)[1], return_inverse=True)
     triangles = index[coarse_triangles]
-    a, b, c = triangles.T
-    return chosen, triangles[(a != b) & (b != c) & (c != a)]
+    return chosen, triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
 
 
 def _fibres(

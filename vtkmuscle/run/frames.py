@@ -160,9 +160,7 @@ class Frames(UserList[Any]):
     """Frames of a surface or of fibres, as poly data or files. Files are read at every access."""
 
     def __getitem__(self, index: Any) -> Any:
-        frame = self.data[index]
-        if isinstance(index, slice):
-            return Frames(frame)
+        frame = super().__getitem__(index)
         return frame.read() if isinstance(frame, WrittenFile) else frame
 
     @property

@@ -37,9 +37,7 @@ class MuscleMeasure:
     def __init__(
         self, rest: vtkPolyData, bones: list[str], shapes: Mapping[str, Bone], millimetres: float
     ) -> None:
-        self._bones = bones
-        self._shapes = shapes
-        self._millimetres = millimetres
+        self._bones, self._shapes, self._millimetres = bones, shapes, millimetres
         self._rest = points_of(rest)
         self._triangles = triangles_of(rest, "muscle")
         self._fixed_to = np.array(point_array(rest, "FixedTo", "muscle"))
@@ -122,14 +120,13 @@ class MuscleMeasure:
         """
         self._bent = tree_of_deformed(self._bent, points, self._triangles)
         outside = fibre_points[~points_inside(fibre_points, self._bent)]
-        farthest = float(self._bent.nearest(outside)[2].max(initial=0.0))
+        farthest = float(self._bent.nearest(outside)[2].max(initial=0.0)) * self._millimetres
         deeper = None
         if depths is not None:
             deepest, rest = np.maximum.reduceat(depths, offsets[:-1]), self._fibre_rest_depths
             grown = np.maximum(deepest - (0.0 if rest is None else rest), 0.0)
             deeper = float(grown.max()) * self._millimetres
-        outside_by = farthest * self._millimetres
-        return {"fibres_outside_max_mm": outside_by, "fibres_penetration_new_max_mm": deeper}
+        return {"fibres_outside_max_mm": farthest, "fibres_penetration_new_max_mm": deeper}
 
     def hooked_paths(
         self, paths: Floats, rings: Sequence[AttachmentArea], now: Mapping[str, Floats]

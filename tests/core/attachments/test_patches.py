@@ -26,12 +26,10 @@ BALL = ball()
 EDGE = edge_lengths(BALL[0], unique_edges(BALL[1])).mean()
 
 
-def latitude_ring(polar, *, n=24, radius=RADIUS, wobble=0.0):
+def latitude_ring(polar, *, n=24, radius=RADIUS):
     angle = 2 * np.pi * np.arange(n) / n
-    polar = np.radians(polar) + wobble * np.sin(3 * angle)
-    return radius * np.column_stack(
-        [np.sin(polar) * np.cos(angle), np.sin(polar) * np.sin(angle), np.cos(polar)]
-    )
+    across, up = np.sin(np.radians(polar)), np.cos(np.radians(polar))
+    return radius * np.column_stack([across * np.cos(angle), across * np.sin(angle), np.full(n, up)])
 
 
 def polar_angles():

@@ -17,20 +17,15 @@ def angles(u, v):
     return np.degrees(np.arctan2(np.linalg.norm(np.cross(u, v), axis=-1), np.abs((u * v).sum(axis=-1))))
 
 
-def in_spindle(rng, count, twist=90.0):
-    """Return positions in the winding spindle, and the directions of its fibres there."""
+def in_spindle(rng, count):
+    """Return positions in the winding spindle."""
     t, part, start = (
         rng.uniform(0.02, 0.98, count),
         np.sqrt(rng.uniform(0, 0.95, count)),
         rng.uniform(0, 6, count),
     )
-    ways = [
-        winding_fibre(q, a, twist, np.array([x - 1e-5, x, x + 1e-5]))
-        for x, q, a in zip(t, part, start, strict=True)
-    ]
-    ways = np.array(ways)
-    directions = ways[:, 2] - ways[:, 0]
-    return ways[:, 1], directions / np.linalg.norm(directions, axis=1)[:, None]
+    places = zip(t, part, start, strict=True)
+    return np.vstack([winding_fibre(q, a, 90.0, np.array([x])) for x, q, a in places])
 
 
 def straight(rng, count, spread=30.0):
@@ -89,7 +84,7 @@ def test_fibres_that_run_the_other_way_change_no_axis(rng):
     turned = [
         fibre[::-1] if flip else fibre for fibre, flip in zip(fibres, rng.random(80) < 0.3, strict=True)
     ]
-    positions, _ = in_spindle(rng, 300)
+    positions = in_spindle(rng, 300)
     one, other = (DirectionField(*lines_of(each)).at(positions)[0] for each in (fibres, turned))
     assert angles(one, other).max() < 1e-6
     assert (one[:, 2] > 0).all()

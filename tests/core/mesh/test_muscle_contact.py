@@ -16,9 +16,8 @@ BALL = triangle_tree(*sphere(RADIUS))
 SAGITTA = 0.03
 
 
-def contact(n, *, allowance=0.0, free=None, centre=(0.0, 0.0, 0.0)):
-    free = np.ones(n, dtype=bool) if free is None else free
-    return MuscleContact([Neighbour(BALL, np.full(n, allowance))], free, np.asarray(centre, dtype=float))
+def contact(n):
+    return MuscleContact([Neighbour(BALL, np.zeros(n))], np.ones(n, dtype=bool), np.zeros(3))
 
 
 def directions(seed, n):

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BPoly
+from tiny_scene import TEMPLATE
 
 from vtkmuscle.core.template import KINDS, TEMPLATES, bezier, read_template, sobol_points, template_from
 from vtkmuscle.data.arrays import field_array, points_of
@@ -77,15 +78,6 @@ def test_a_power_of_two_of_sobol_points_puts_one_in_each_cell():
     assert np.allclose(np.sort(sobol_points(64), axis=0), (np.arange(64)[:, None] + 0.5) / 64)
 
 
-STRAP = """
-sheets = [
-    [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]],
-    [[0.3, 0, 0.5], [1, 0, 0.5], [1, 1, 0.5], [0.3, 1, 0.5]],
-    [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],
-]
-"""
-
-
 @pytest.mark.parametrize("kind", list(TEMPLATES))
 @pytest.mark.parametrize("suffix", ["json", "toml"])
 def test_every_kind_can_be_written_to_a_file_and_read_again(kind, suffix, tmp_path):
@@ -106,7 +98,7 @@ def test_every_kind_can_be_written_to_a_file_and_read_again(kind, suffix, tmp_pa
 
 def test_a_file_of_one_part_needs_no_parts(tmp_path):
     file = tmp_path / "strap.toml"
-    file.write_text(STRAP)
+    file.write_text(TEMPLATE)
     assert np.array_equal(read_template(file).fibres([0.0], [0.5], [0.0, 0.5, 1.0])[0, 1], [0.15, 0.5, 0.5])
 
 
@@ -147,6 +139,6 @@ def test_files_that_are_none_are_errors_of_the_source(tmp_path):
     with pytest.raises(ValueError, match=r"Source: template_file: .*missing.toml cannot be read"):
         FibreTemplateSource(template_file=str(tmp_path / "missing.toml")).update()
     for name, message in (("own.yaml", "must be a .toml or a .json"), ("own.json", "cannot be read as JSON")):
-        (tmp_path / name).write_text(STRAP)
+        (tmp_path / name).write_text(TEMPLATE)
         with pytest.raises(ValueError, match=message):
             FibreTemplateSource(template_file=str(tmp_path / name)).update()

@@ -167,11 +167,10 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
 
 def _proper(triangles: Ints) -> Ints:
     """Return the triangles of three different points; a ValueError for none."""
-    a, b, c = triangles.T
-    proper: Bools = (a != b) & (b != c) & (c != a)
-    if not proper.any():
+    proper: Ints = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+    if not len(proper):
         raise InputError("", "the surface has no triangles of three different points")
-    return triangles[proper]
+    return proper
 
 
 def _directions(triangles: Ints) -> Ints:

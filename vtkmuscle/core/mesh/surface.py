@@ -211,8 +211,7 @@ def mesh_topology(n_points: int, triangles: Ints) -> MeshTopology:
     `n_points` exceeds any id. Edges of one triangle (a boundary) or of more than two (not manifold) have no
     quadruple, as no dihedral angle is defined. Triangles with a repeated point take no part.
     """
-    a, b, c = triangles.T
-    proper = np.flatnonzero((a != b) & (b != c) & (c != a))
+    proper = np.flatnonzero((triangles != np.roll(triangles, 1, axis=1)).all(axis=1))
     directed = half_edges(triangles[proper])
     opposite = triangles[proper][:, [2, 0, 1]].reshape(-1)
     triangle_of = np.repeat(proper, 3)

@@ -69,17 +69,16 @@ class Skinning:
     def __init__(
         self, paths: Floats, ends: tuple[Ints, Ints], surface: Floats, fixed_to: Ints, thickness: float
     ) -> None:
-        rest = paths
-        f, n, _ = rest.shape
-        self._ends, self._lengths = np.stack(ends, axis=1), path_lengths(rest)
-        self._rest: Floats = rest.reshape(-1, 3)
+        f, n, _ = paths.shape
+        self._ends, self._lengths = np.stack(ends, axis=1), path_lengths(paths)
+        self._rest: Floats = paths.reshape(-1, 3)
         self._arms = self._rest - self._rest.mean(axis=0)
-        self._tangents: Floats = directions_along(rest).reshape(-1, 3)
+        self._tangents: Floats = directions_along(paths).reshape(-1, 3)
         least = LEAST_APART * thickness
         count = min(BESIDE, f)
         beside, parts = np.empty((f, n, count), dtype=np.int64), np.empty((f, n, count))
         for i in range(n):
-            apart, found = cKDTree(rest[:, i]).query(rest[:, i], k=range(1, count + 1))
+            apart, found = cKDTree(paths[:, i]).query(paths[:, i], k=range(1, count + 1))
             beside[:, i], parts[:, i] = found * n + i, falling_weights(apart, least)
         shifts = [np.eye(n, k=k - len(WINDOW) // 2) for k in range(len(WINDOW))]
         window = np.tensordot(WINDOW, shifts, axes=1)
