@@ -49,7 +49,7 @@ def test_fibres_and_areas_are_transformed_and_arrays_pass_through(spindle):
 
 def test_the_box_is_right_handed_and_runs_from_origin_to_insertion(hip):
     for name, muscle in hip.muscles.items():
-        (uneven := template()).GetFieldData().RemoveArray("Symmetric")
+        (uneven := template()).GetFieldData().RemoveArray("Template")
         fitted = TemplateFitter()(uneven, muscle, hip.attachments[name])
         transform = transform_of(fitted)
         assert np.linalg.det(transform[:3, :3]) > 0

@@ -37,8 +37,8 @@ class FibreTemplateSource(Filter):
     output
         Polylines from origin to insertion, with the point array ``t`` (0 at the origin, 1 at the insertion),
         the cell arrays ``r``, ``s`` and ``FibreId``, and the field arrays ``OriginArea`` and
-        ``InsertionArea``: corners (3 components) of the template's areas, four per area, ``Template``: the
-        kind, or ``file``, and ``Symmetric``: 1 if the template is its own mirror image in y.
+        ``InsertionArea``: corners (3 components) of the template's areas, four per area, and ``Template``:
+        the kind, or ``file``.
 
     Raises
     ------
@@ -86,13 +86,10 @@ class FibreTemplateSource(Filter):
         t = np.linspace(0.0, 1.0, self.resolution + 1)
         points = template.fibres(r, s, t).reshape(-1, 3)
         ends = {"OriginArea": 0, "InsertionArea": -1}
-        # In y, with s and 1 - s exchanged.
-        mirrored = [sheets[:, ::-1] * [1.0, -1.0, 1.0] + [0.0, 1.0, 0.0] for sheets in template.parts]
         return add_arrays(
             polylines_from(Polylines(points, np.arange(0, len(points) + 1, len(t)))),
             points={"t": np.tile(t, self.n_fibres)},
             cells={"r": r, "s": s, "FibreId": np.arange(self.n_fibres)},
             fields={"Template": self.template if self.template_file is None else "file"}
-            | {"Symmetric": int(np.allclose(template.parts, mirrored))}
             | {name: template.areas(sheet).reshape(-1, 3) for name, sheet in ends.items()},
         )

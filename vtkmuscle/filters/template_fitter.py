@@ -11,7 +11,7 @@ from vtkmuscle.core import template as boxes
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import ROUNDING, Floats
-from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
+from vtkmuscle.data.arrays import Polylines, add_arrays, field_array, field_string
 from vtkmuscle.data.attachments import ROLES, Areas, areas_of_role
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
@@ -27,8 +27,8 @@ class TemplateFitter(Filter):
     landmarks, with ``axis="principal"`` the direction of largest variance of the surface points.
     ``axis="auto"`` takes the smaller error: centroids fail for areas beside each other (pennate, bipennate).
 
-    The box of a template with the field array ``Symmetric`` 1 is left-handed where the muscle's longer tail
-    says so: mirrored muscles have mirrored fibres. All other boxes are right-handed.
+    The box of a built-in template, which is its own mirror image, is left-handed where the muscle's longer
+    tail says so: mirrored muscles have mirrored fibres. All other boxes are right-handed.
 
     The box is turned about the axis in steps; the best angle has the shortest distances between the corners
     of the template's areas and the landmarks. Several areas of a role count as a single area. The angle
@@ -102,8 +102,7 @@ class TemplateFitter(Filter):
         areas = _area(template.data, _AREAS[0]), _area(template.data, _AREAS[1])
         sides = (areas_of_role(attachments, role) for role in ROLES)
         origin, insertion = (np.vstack([area.landmarks for area in side]) for side in sides)
-        landmarks, symmetric = (origin, insertion), field_array(template.data, "Symmetric")
-        mirrors = symmetric is not None and bool(symmetric[0])
+        landmarks, mirrors = (origin, insertion), field_string(template.data, "Template") in boxes.KINDS
         points, guide = muscle.points[np.unique(muscle.triangles)], None
         if superficial is not None:
             seen = boxes.superficial_pieces(superficial.points, superficial.offsets, points)

@@ -242,14 +242,9 @@ EDGE, EDGE_VOXELS = 3.0, 2.0
 
 
 def draft_of_labels(
-    path: str | PathLike[str],
-    *,
-    landmarks: Sequence[Path] = (),
-    names: str | None = None,
-    frame: str = "LPS",
-    edge: float | None = None,
-    announce: Callable[[str], None] = lambda _: None,
-) -> Draft:
+    path: str | PathLike[str], *, landmarks: Sequence[Path] = (), names: str | None = None,
+    frame: str = "LPS", edge: float | None = None, announce: Callable[[str], None] = lambda _: None,
+) -> Draft:  # fmt: skip
     """Return a scene of the bones and muscles in a segmentation, as of :func:`from_labels`.
 
     A muscle that ends before its landmarks gets a tendon; ``announce`` is called with a line on each

@@ -120,15 +120,9 @@ SCALES = (0.01, 0.3)
 
 
 def fit_points(
-    line: Floats,
-    tree: KinematicTree,
-    values: Columns,
-    ends: tuple[str, str],
-    lengths: Floats,
-    arms: Columns,
-    *,
-    tolerance: float,
-) -> PointPath:
+    line: Floats, tree: KinematicTree, values: Columns, ends: tuple[str, str], lengths: Floats, arms: Columns,
+    *, tolerance: float,
+) -> PointPath:  # fmt: skip
     """Fit a point path with cylinders to lengths and moment arms.
 
     The path joins the fibres' mean ends, with a via point on either side of each joint, and may wind round a

@@ -35,15 +35,10 @@ def plain_plotter(size: Sequence[int] | None, off_screen: bool | None) -> pyvist
 
 
 def make_plotter(
-    bones: vtkMultiBlockDataSet,
-    muscles: Sequence[vtkPolyData],
-    view: View,
-    *,
-    fibres: vtkPolyData | None = None,
-    colours: NDArray[np.uint8] | None = None,
-    fixed_points: bool = False,
+    bones: vtkMultiBlockDataSet, muscles: Sequence[vtkPolyData], view: View, *,
+    fibres: vtkPolyData | None = None, colours: NDArray[np.uint8] | None = None, fixed_points: bool = False,
     off_screen: bool | None = True,
-) -> pyvista.Plotter:
+) -> pyvista.Plotter:  # fmt: skip
     """Return a plotter of bones, translucent muscles and fibres, to be closed after use.
 
     Parameters

@@ -188,13 +188,9 @@ def _started(run: SceneRun, tracks: Tracks, stack: ExitStack) -> tuple[Pool | No
 
 
 def _solve(
-    run: SceneRun,
-    tracks: Tracks,
-    report: dict[str, Any],
-    pool: Pool | None,
-    jobs: Jobs,
+    run: SceneRun, tracks: Tracks, report: dict[str, Any], pool: Pool | None, jobs: Jobs,
     finish: Callable[[str, MuscleTrack], None] = lambda _name, _track: None,
-) -> None:
+) -> None:  # fmt: skip
     """Solve the muscles without a track, and add the tracks; ``finish`` is called for every muscle."""
     began = time.perf_counter()
     for name, track in tracks.items():

@@ -76,13 +76,9 @@ class Reason:
 
 
 def judge(
-    track: MuscleTrack,
-    rest_lengths: Floats | None = None,
-    *,
-    motion: RigidMotion | None = None,
-    n_edges: int = 1,
-    size: float = FULL_SIZE,
-) -> dict[str, Any]:
+    track: MuscleTrack, rest_lengths: Floats | None = None, *, motion: RigidMotion | None = None,
+    n_edges: int = 1, size: float = FULL_SIZE,
+) -> dict[str, Any]:  # fmt: skip
     """Return the verdict on a muscle from the rows of its report and its lengths.
 
     ``rest_lengths`` (k,) are of fibres [mm], ``motion`` is at the times of the rows (lengths may turn

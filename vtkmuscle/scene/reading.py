@@ -70,13 +70,9 @@ def read_motion(path: Path) -> RigidMotion:
 
 
 def _muscle(
-    name: str,
-    scene: SceneTable,
-    files: SceneFiles,
-    bones: dict[str, vtkPolyData],
-    motion: RigidMotion | None,
-    joints: SceneJoints | None,
-) -> Muscle | None:
+    name: str, scene: SceneTable, files: SceneFiles, bones: dict[str, vtkPolyData],
+    motion: RigidMotion | None, joints: SceneJoints | None,
+) -> Muscle | None:  # fmt: skip
     """Read the files of a muscle; None after a fault of any file."""
     key, table, faults = f"muscles.{name}", scene.muscles[name], files.faults
     areas = _areas(key, table.attachments, files, scene)

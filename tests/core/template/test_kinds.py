@@ -31,6 +31,11 @@ def test_fibres_stay_in_the_cube_and_climb(r, s):
         assert (np.diff(points[:, 2]) > 0.0).all()
 
 
+def test_a_template_is_its_own_mirror_image(template):
+    for sheets in template.parts:
+        np.testing.assert_allclose(sheets[:, ::-1] * [1.0, -1.0, 1.0] + [0.0, 1.0, 0.0], sheets, atol=1e-12)
+
+
 def test_fibres_begin_on_the_origin_area_and_end_on_the_insertion_area(template, rng):
     r, s = rng.random((2, 200))
     ends = template.fibres(r, s, [0.0, 1.0])
