@@ -23,16 +23,18 @@ TRIED = 16
 def free_shares(state: PathState, held: Floats | float = 0.0) -> Floats:
     """Return the share of each path's bow that no bone needs, (f,), beyond the shares ``held`` by tissue.
 
-    A curve with less of the bow is shorter than the path, but may run through bones; pushed out of the bones
-    the curve is longer. The share is 1 for a curve as short as without bones, 0 for a curve as long as the
-    path, the least of several curves.
+    A bone or ring that presses on a path needs its bow. Of another path a curve with less of the bow is
+    shorter, but may run through bones; pushed out of the bones the curve is longer. The share is 1 for a
+    curve as short as without bones, 0 for a curve as long as the path, the least of several curves.
     """
     x, contacts = state.points, state.sheet.contacts
     bows, near = x - np.linspace(x[:, 0], x[:, -1], x.shape[1], axis=1), contacts.proximity(state.transforms)
     tried = np.arange(len(x)) % -(-len(x) // TRIED) == 0
-    lengths, shares = path_lengths(x), tried.astype(np.float64)
+    lengths, shares = path_lengths(x), (tried & (state.contacts == 0)).astype(np.float64)
     for part in LEFT_OUT:
-        curves = x - part * (shares > held)[:, None, None] * bows
+        if not (free := shares > held).any():
+            break
+        curves = x - part * free[:, None, None] * bows
         contacts.update(curves, near)
         pushes = (np.maximum(-near.gaps, 0.0)[..., None] * near.normals).sum(axis=0).reshape(x.shape)
         pushes[:, [0, -1]] = 0.0
