@@ -178,6 +178,9 @@ def test_segments_too_long_for_a_bone_cut_into_it(resolution, cuts):
     assert sag.max() < 4.0
 
 
+@pytest.mark.gap(
+    "difference of a path's lever and the slope of its length, strap round a cylinder", "0.32 mm", "0.3 mm"
+)
 def test_levers_are_slopes_of_lengths_and_may_be_left_out():
     paths = paths_of(*CASES[3])
     (coordinate,) = at_rest(*CASES[3])[0].motion.coordinates
@@ -201,7 +204,7 @@ def test_the_bow_of_a_path_off_its_bone_is_what_the_straight_line_lacks(angle, l
         names = "Length", "Bow", LEVERS + "distal_angle", "BowLever_distal_angle"
         length, bow[time], lever, of_lever = (cell_array(out, name, "test") for name in names)
         free = lifted * (np.array(cell_array(out, "Contact", "test")) == 0)
-        np.testing.assert_allclose(bow[time], free * (length - straight[time]), atol=0.06)
+        np.testing.assert_allclose(bow[time], free * (length - straight[time]), atol=0.02)
     assert (bow[angle].max() > 0.3) == lifted
     slopes = (straight[angle] - straight[angle + 2.0]) / np.radians(2.0)
     np.testing.assert_allclose(of_lever, free * (lever - slopes), atol=1.0)

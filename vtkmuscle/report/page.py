@@ -79,9 +79,14 @@ def part(name: str) -> Markup:
 
 @cache
 def _environment() -> jinja2.Environment:
-    on: Any = dict.fromkeys(("autoescape", "trim_blocks", "lstrip_blocks", "keep_trailing_newline"), True)
-    pages = jinja2.PackageLoader("vtkmuscle.report", "page")
-    environment = jinja2.Environment(loader=pages, undefined=jinja2.StrictUndefined, **on)
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("vtkmuscle.report", "page"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        undefined=jinja2.StrictUndefined,
+    )
     environment.globals["part"], environment.tests["contains"] = part, contains
     environment.filters |= {"number": number, "label": label_of, "file_name": lambda path: Path(path).name}
     return environment

@@ -92,12 +92,15 @@ def test_mean_arms_of_carried_fibres_are_of_all_and_those_known():
 
 @pytest.mark.realdata
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis"])
-def test_mean_arms_of_a_real_muscle_are_about_those_of_all_paths(lhdl_hip, name):
-    """Interpolation alone errs by about 0.1 mm (gluteus maximus); the coarser sheet makes the rest.
-
-    Mean arms of 49 or 25 paths of a gluteus maximus are up to 1.4 mm off, of the others 0.1 to 0.4.
-    """
+@pytest.mark.gap(
+    "error of the mean moment arm with 49 of 100 paths solved, gluteus maximus", "1.41 mm", "0.65 mm"
+)
+@pytest.mark.parametrize(
+    ("name", "bound"),
+    [("gluteus_maximus", 1.5), ("gluteus_medius", 0.65), ("iliacus", 0.65), ("adductor_brevis", 0.65)],
+)
+def test_mean_arms_of_a_real_muscle_are_about_those_of_all_paths(lhdl_hip, name, bound):
+    """Interpolation alone errs by about 0.1 mm (gluteus maximus); the coarser sheet makes the rest."""
     scene = replace(Scene.load(lhdl_hip / "scene.toml"), deformer="none", files={})
     arms = {}
     for count in (1000, *WITHIN):
@@ -109,4 +112,4 @@ def test_mean_arms_of_a_real_muscle_are_about_those_of_all_paths(lhdl_hip, name)
             ]
         )
     for count in WITHIN:
-        assert np.sqrt(np.mean((arms[count] - arms[1000]) ** 2)) < 1.5
+        assert np.sqrt(np.mean((arms[count] - arms[1000]) ** 2)) < bound

@@ -173,8 +173,8 @@ def own_axes(points: Floats) -> tuple[Floats, Floats]:
 def _in_own_order(points: Floats, faces: Ints) -> Ints:
     """Return triangles sorted by position, from canonical corners.
 
-    The result is independent of the triangles' numbers. Neighbours stay together, so even sequences of
-    numbers fall evenly on them.
+    The result is independent of the triangles' numbers and winding. Neighbours stay together, so even
+    sequences of numbers fall evenly on them.
     """
     if not len(faces):
         return faces

@@ -73,7 +73,9 @@ def joint_arms(
     curves = np.asarray(lengths, dtype=np.float64)
     arms: dict[str, JointArms] = {}
     refused: dict[str, str] = {}
-    for name in candidates if names is None else (name for name in candidates if name in names):
+    for name in candidates:
+        if names is not None and name not in names:
+            continue
         lever = levers.get(name, np.full(curves.shape, np.nan))
         frames = np.flatnonzero(np.isfinite(lever).all(axis=1))
         if not len(frames):
@@ -92,7 +94,8 @@ def joint_arms(
         fixed = np.round([q.values[frames] * 0.0, *others], 9)
         stretch = np.unique(fixed, axis=1, return_inverse=True)[1].ravel()
         # Most frames of a grid share a stretch; few frames of a walk do, such as the first and the last.
-        of_stretch = stretch if 2 * np.sum(np.bincount(stretch)[stretch] > 1) > len(frames) else None
+        shared = np.count_nonzero(np.bincount(stretch)[stretch] > 1)
+        of_stretch = stretch if 2 * shared > len(frames) else None
         arms[name] = JointArms(name, q.unit, q.positive, *by_frame, quartic, residuals, of_stretch)
     if not arms and refused:
         problem = "the coordinates change only together, so there are no moment arms"

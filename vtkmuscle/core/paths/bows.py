@@ -7,6 +7,8 @@ the straight line's, and the moment arm between their levers.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from vtkmuscle.core.paths.neighbours import path_lengths
@@ -28,8 +30,9 @@ def free_shares(state: PathState, held: Floats | float = 0.0) -> Floats:
     curve as short as without bones, 0 for a curve as long as the path, the least of several curves.
     """
     x, contacts = state.points, state.sheet.contacts
-    bows, near = x - np.linspace(x[:, 0], x[:, -1], x.shape[1], axis=1), contacts.proximity(state.transforms)
-    tried = np.arange(len(x)) % -(-len(x) // TRIED) == 0
+    bows = x - np.linspace(x[:, 0], x[:, -1], x.shape[1], axis=1)
+    near = contacts.proximity(state.transforms)
+    tried = np.arange(len(x)) % math.ceil(len(x) / TRIED) == 0
     lengths, shares = path_lengths(x), (tried & (state.contacts == 0)).astype(np.float64)
     for part in LEFT_OUT:
         if not (free := shares > held).any():

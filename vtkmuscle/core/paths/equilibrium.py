@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from vtkmuscle.core.jit import kernel, reduction, vector_kernel
+from vtkmuscle.core.jit import kernel, lane, reduction, vector_kernel
 from vtkmuscle.core.paths.neighbours import Neighbours
 from vtkmuscle.core.types import Floats, Ints
 
@@ -82,6 +82,17 @@ def find_axes(x: Floats, pairs: Ints, axes: Floats) -> None:
         axes[6, e], axes[7, e], axes[8, e] = size, ahead, apart
 
 
+@lane
+def pull_apart(forces: Floats, i: int, j: int, u: float, v: float, w: float) -> None:
+    """Add a vector to the row i of forces (k, 3), and subtract the vector from the row j."""
+    forces[i, 0] += u
+    forces[i, 1] += v
+    forces[i, 2] += w
+    forces[j, 0] -= u
+    forces[j, 1] -= v
+    forces[j, 2] -= w
+
+
 @vector_kernel
 def add_neighbours(
     gradient: Floats, beside: Floats, neighbours: Neighbours, widths: Floats, axes: Floats
@@ -109,12 +120,7 @@ def add_neighbours(
         press = across * (axes[8, e] - width * neighbours.distances[e])
         shear = along * (axes[7, e] - neighbours.ahead[e] / (width * width))
         f0, f1, f2 = press * u0 + shear * t0, press * u1 + shear * t1, press * u2 + shear * t2
-        gradient[i, 0] += f0
-        gradient[i, 1] += f1
-        gradient[i, 2] += f2
-        gradient[j, 0] -= f0
-        gradient[j, 1] -= f1
-        gradient[j, 2] -= f2
+        pull_apart(gradient, i, j, f0, f1, f2)
         xx, xy = across * u0 * u0 + along * t0 * t0, across * u0 * u1 + along * t0 * t1
         xz, yy = across * u0 * u2 + along * t0 * t2, across * u1 * u1 + along * t1 * t1
         yz, zz = across * u1 * u2 + along * t1 * t2, across * u2 * u2 + along * t2 * t2
@@ -160,7 +166,8 @@ def prepare_solve(blocks: Floats, beside: Floats, inverses: Floats) -> None:
     """Write the inverse blocks of each path's elimination.
 
     The inverse blocks are (f + 1, n, 6). The last row belongs to a sheet with equally moving paths, divided
-    by f: springs between the paths, ``beside`` (f n, 6), drop out of the sheet's matrix.
+    by f: springs between the paths, ``beside`` (f n, 6), drop out of the sheet's matrix, exactly where their
+    points are equally far along the paths.
     """
     f, n, _ = blocks.shape
     for i in range(1, n - 1):
@@ -300,9 +307,4 @@ def multiply(blocks: Floats, neighbours: Neighbours, axes: Floats, x: Floats, y:
         press = neighbours.stiffness[e, 0] * (u0 * p + u1 * q + u2 * r)
         shear = neighbours.stiffness[e, 1] * (t0 * p + t1 * q + t2 * r)
         f0, f1, f2 = press * u0 + shear * t0, press * u1 + shear * t1, press * u2 + shear * t2
-        b[i, 0] += f0
-        b[i, 1] += f1
-        b[i, 2] += f2
-        b[j, 0] -= f0
-        b[j, 1] -= f1
-        b[j, 2] -= f2
+        pull_apart(b, i, j, f0, f1, f2)

@@ -12,6 +12,7 @@ import numpy as np
 
 from vtkmuscle.core.jit import vector_kernel
 from vtkmuscle.core.paths.bone_contact import Load
+from vtkmuscle.core.paths.equilibrium import pull_apart
 from vtkmuscle.core.paths.guides import Guides
 from vtkmuscle.core.paths.neighbours import Neighbours
 from vtkmuscle.core.types import FloatMap, Floats, Ints
@@ -202,5 +203,4 @@ def change_gradient(
         f0 = turn * w0 + bend * d0 + by_u * u0 + by_t * t0
         f1 = turn * w1 + bend * d1 + by_u * u1 + by_t * t1
         f2 = turn * w2 + bend * d2 + by_u * u2 + by_t * t2
-        by[i, 0], by[i, 1], by[i, 2] = by[i, 0] + f0, by[i, 1] + f1, by[i, 2] + f2
-        by[j, 0], by[j, 1], by[j, 2] = by[j, 0] - f0, by[j, 1] - f1, by[j, 2] - f2
+        pull_apart(by, i, j, f0, f1, f2)
