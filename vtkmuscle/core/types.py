@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+#: Numbers of points, never negative: kernels look them up without asking.
+Indices = NDArray[np.uint32]
 #: Function of arrays, such as a map of positions.
 FloatMap = Callable[[Floats], Floats]
 #: Takes the finished part of a computation, from 0 to 1; may raise, to stop.

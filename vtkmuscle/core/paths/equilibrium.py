@@ -12,8 +12,8 @@ from __future__ import annotations
 import math
 
 from vtkmuscle.core.jit import kernel, lane, reduction, vector_kernel
-from vtkmuscle.core.paths.neighbours import Neighbours
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.paths.neighbours import WIDTH, Neighbours
+from vtkmuscle.core.types import Floats, Indices
 
 #: Conjugate gradients end a step of Newton's method at this part of its residual: with 0.1 and 0.01 Newton's
 #: method takes the same number of steps.
@@ -55,48 +55,62 @@ def add_springs(x: Floats, held: Floats, pull: Floats, gradient: Floats, blocks:
             gradient[a, 0, c] = gradient[a, n - 1, c] = 0.0
 
 
-@vector_kernel
-def find_axes(x: Floats, pairs: Ints, axes: Floats) -> None:
-    """Write the axes and lengths of pairs of points.
+@lane
+def gather_pairs(rows: Floats, pairs: Indices, lanes: Floats, first: int) -> None:
+    """Write what a row of pairs needs of the points' rows (f n, 8).
 
-    Points are rows of x (f n, 3). Rows of ``axes`` (9, m): three of the unit vector t along the paths, the
-    mean of their tangents at the two points; three of the unit vector u across the paths, from the pair's
-    second point towards the first; the length of the sum of the tangents; and the distance of the first point
-    from the second along t and along u [mm].
+    Of the two points of each pair the differences of the first three numbers, and the sums of the next four,
+    become rows of ``lanes``, from the row ``first`` on.
     """
-    for e in range(len(pairs)):
-        i, j = pairs[e, 0], pairs[e, 1]
-        t0 = x[i + 1, 0] - x[i - 1, 0] + x[j + 1, 0] - x[j - 1, 0]
-        t1 = x[i + 1, 1] - x[i - 1, 1] + x[j + 1, 1] - x[j - 1, 1]
-        t2 = x[i + 1, 2] - x[i - 1, 2] + x[j + 1, 2] - x[j - 1, 2]
-        size = math.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
-        part = 1.0 / size if size > 0.0 else 0.0
-        t0, t1, t2 = part * t0, part * t1, part * t2
-        u0, u1, u2 = x[i, 0] - x[j, 0], x[i, 1] - x[j, 1], x[i, 2] - x[j, 2]
-        ahead = u0 * t0 + u1 * t1 + u2 * t2
-        u0, u1, u2 = u0 - ahead * t0, u1 - ahead * t1, u2 - ahead * t2
-        apart = math.sqrt(u0 * u0 + u1 * u1 + u2 * u2)
-        part = 1.0 / apart if apart > 0.0 else 0.0
-        axes[0, e], axes[1, e], axes[2, e] = t0, t1, t2
-        axes[3, e], axes[4, e], axes[5, e] = part * u0, part * u1, part * u2
-        axes[6, e], axes[7, e], axes[8, e] = size, ahead, apart
+    for k in range(WIDTH):
+        a, b = rows[pairs[0, k]], rows[pairs[1, k]]
+        for c in range(3):
+            lanes[(first + c) * WIDTH + k] = a[c] - b[c]
+        for c in range(3, 7):
+            lanes[(first + c) * WIDTH + k] = a[c] + b[c]
 
 
 @lane
-def pull_apart(forces: Floats, i: int, j: int, u: float, v: float, w: float) -> None:
-    """Add a vector to the row i of forces (k, 3), and subtract the vector from the row j."""
-    forces[i, 0] += u
-    forces[i, 1] += v
-    forces[i, 2] += w
-    forces[j, 0] -= u
-    forces[j, 1] -= v
-    forces[j, 2] -= w
+def pull_apart(forces: Floats, pairs: Indices, lanes: Floats) -> None:
+    """Add the vectors in the first three rows of lanes to the first points of pairs.
+
+    The second points get the opposite. The forces are (f n, 3).
+    """
+    for k in range(WIDTH):
+        i, j = pairs[0, k], pairs[1, k]
+        for c in range(3):
+            forces[i, c] += lanes[c * WIDTH + k]
+            forces[j, c] -= lanes[c * WIDTH + k]
+
+
+@lane
+def axes_of(lanes: Floats, k: int) -> tuple[float, float, float, float, float, float, float, float, float]:
+    """Return the axes and lengths of a pair of points.
+
+    The result has three numbers of the unit vector t along the paths, the mean of their tangents at the two
+    points; three of the unit vector u across the paths, from the pair's second point towards the first; the
+    length of the sum of the tangents; and the distance of the first point from the second along t and along u
+    [mm].
+    """
+    d0, d1, d2 = lanes[k], lanes[WIDTH + k], lanes[2 * WIDTH + k]
+    t0, t1, t2 = lanes[4 * WIDTH + k], lanes[5 * WIDTH + k], lanes[6 * WIDTH + k]
+    size = math.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
+    part = 1.0 / size
+    part = part if size > 0.0 else 0.0
+    t0, t1, t2 = part * t0, part * t1, part * t2
+    ahead = d0 * t0 + d1 * t1 + d2 * t2
+    u0, u1, u2 = d0 - ahead * t0, d1 - ahead * t1, d2 - ahead * t2
+    apart = math.sqrt(u0 * u0 + u1 * u1 + u2 * u2)
+    part = 1.0 / apart
+    part = part if apart > 0.0 else 0.0
+    return t0, t1, t2, part * u0, part * u1, part * u2, size, ahead, apart
 
 
 @vector_kernel
 def add_neighbours(
-    gradient: Floats, beside: Floats, neighbours: Neighbours, widths: Floats, axes: Floats
-) -> None:
+    x: Floats, neighbours: Neighbours, widths: Floats, rows: Floats, lanes: Floats, gradient: Floats,
+    springs: Floats,
+) -> None:  # fmt: skip
     """Add the springs between neighbours.
 
     E = sum c (a - w d)^2 / 2 + k (s - h / w^2)^2 / 2: a is the distance of two points across the paths, s the
@@ -104,33 +118,43 @@ def add_neighbours(
     (f,). A sheared sheet does not get narrower. The stiffness leaves out turning tangents and changing
     widths.
 
+    x : (f, n, 3), positions [mm];
+    rows : (f n, 8), overwritten: position, half of the width, and tangent of each point, 0 at the ends;
+    lanes : (7 WIDTH,), memory;
     gradient : (f n, 3), added to;
-    beside : (f n, 6), overwritten by each point's stiffness, as a block;
-    axes : (9, m), of :func:`find_axes`.
+    springs : (r, 6, WIDTH), overwritten by each pair's stiffness, as a block.
     """
-    n = len(gradient) // len(widths)
-    for i in range(len(beside)):
-        for c in range(6):
-            beside[i, c] = 0.0
-    for e in range(len(neighbours.pairs)):
-        i, j = neighbours.pairs[e, 0], neighbours.pairs[e, 1]
-        t0, t1, t2, u0, u1, u2 = axes[0, e], axes[1, e], axes[2, e], axes[3, e], axes[4, e], axes[5, e]
-        width = 0.5 * (widths[i // n] + widths[j // n])
-        across, along = neighbours.stiffness[e, 0], neighbours.stiffness[e, 1]
-        press = across * (axes[8, e] - width * neighbours.distances[e])
-        shear = along * (axes[7, e] - neighbours.ahead[e] / (width * width))
-        f0, f1, f2 = press * u0 + shear * t0, press * u1 + shear * t1, press * u2 + shear * t2
-        pull_apart(gradient, i, j, f0, f1, f2)
-        xx, xy = across * u0 * u0 + along * t0 * t0, across * u0 * u1 + along * t0 * t1
-        xz, yy = across * u0 * u2 + along * t0 * t2, across * u1 * u1 + along * t1 * t1
-        yz, zz = across * u1 * u2 + along * t1 * t2, across * u2 * u2 + along * t2 * t2
-        for k in (i, j):
-            beside[k, 0] += xx
-            beside[k, 1] += xy
-            beside[k, 2] += xz
-            beside[k, 3] += yy
-            beside[k, 4] += yz
-            beside[k, 5] += zz
+    f, n, _ = x.shape
+    for a in range(f):
+        for i in range(n):
+            row = rows[a * n + i]
+            row[3] = 0.5 * widths[a]
+            for c in range(3):
+                row[c] = x[a, i, c]
+                row[4 + c] = x[a, i + 1, c] - x[a, i - 1, c] if 0 < i < n - 1 else 0.0
+    for r in range(len(neighbours.pairs)):
+        gather_pairs(rows, neighbours.pairs[r], lanes, 0)
+        constants, blocks = neighbours.constants[r].reshape(-1), springs[r].reshape(-1)
+        for k in range(WIDTH):
+            _spring(lanes, constants, blocks, k)
+        pull_apart(gradient, neighbours.pairs[r], lanes)
+
+
+@lane
+def _spring(lanes: Floats, constants: Floats, block: Floats, k: int) -> None:
+    t0, t1, t2, u0, u1, u2, _, ahead, apart = axes_of(lanes, k)
+    width, across, along = lanes[3 * WIDTH + k], constants[2 * WIDTH + k], constants[3 * WIDTH + k]
+    press = across * (apart - width * constants[k])
+    shear = along * (ahead - constants[WIDTH + k] / (width * width))
+    lanes[k] = press * u0 + shear * t0
+    lanes[WIDTH + k] = press * u1 + shear * t1
+    lanes[2 * WIDTH + k] = press * u2 + shear * t2
+    block[k] = across * u0 * u0 + along * t0 * t0
+    block[WIDTH + k] = across * u0 * u1 + along * t0 * t1
+    block[2 * WIDTH + k] = across * u0 * u2 + along * t0 * t2
+    block[3 * WIDTH + k] = across * u1 * u1 + along * t1 * t1
+    block[4 * WIDTH + k] = across * u1 * u2 + along * t1 * t2
+    block[5 * WIDTH + k] = across * u2 * u2 + along * t2 * t2
 
 
 @kernel
@@ -162,14 +186,24 @@ def add_lacking(moves: Floats, forces: Floats, lacking: Floats) -> None:
 
 
 @kernel
-def prepare_solve(blocks: Floats, beside: Floats, inverses: Floats) -> None:
+def prepare_solve(blocks: Floats, pairs: Indices, springs: Floats, beside: Floats, inverses: Floats) -> None:
     """Write the inverse blocks of each path's elimination.
 
-    The inverse blocks are (f + 1, n, 6). The last row belongs to a sheet with equally moving paths, divided
-    by f: springs between the paths, ``beside`` (f n, 6), drop out of the sheet's matrix, exactly where their
-    points are equally far along the paths.
+    The inverse blocks are (f + 1, n, 6). A path's matrix includes the springs at the path's points, whose
+    sums are written to ``beside`` (f n, 6). The last row belongs to a sheet with equally moving paths,
+    divided by f: springs between the paths drop out, exactly where their points are equally far along the
+    paths.
     """
     f, n, _ = blocks.shape
+    for i in range(f * n):
+        for c in range(6):
+            beside[i, c] = 0.0
+    for r in range(len(pairs)):
+        for k in range(WIDTH):
+            i, j = pairs[r, 0, k], pairs[r, 1, k]
+            for c in range(6):
+                beside[i, c] += springs[r, c, k]
+                beside[j, c] += springs[r, c, k]
     for i in range(1, n - 1):
         for c in range(6):
             total = 0.0
@@ -190,8 +224,8 @@ def prepare_solve(blocks: Floats, beside: Floats, inverses: Floats) -> None:
 
 @reduction
 def newton_step(
-    gradient: Floats, blocks: Floats, neighbours: Neighbours, axes: Floats, inverses: Floats,
-    left_over: float, work: Floats, step: Floats,
+    gradient: Floats, blocks: Floats, pairs: Indices, springs: Floats, inverses: Floats, left_over: float,
+    work: Floats, step: Floats,
 ) -> float:  # fmt: skip
     """Write Newton's step and return its slope.
 
@@ -201,7 +235,7 @@ def newton_step(
     along the gradient.
 
     gradient : (f, n, 3), 0 at the ends;
-    blocks, neighbours, axes, inverses : as of the functions above;
+    blocks, pairs, springs, inverses : as of the functions above;
     left_over : part of the residual, in the norm of the preconditioner, at which the solution ends;
     work : (4, f + 1, n, 3), working memory;
     step : (f, n, 3), overwritten, 0 at the ends.
@@ -222,7 +256,7 @@ def newton_step(
             break
         for k in range(len(way)):
             way[k] = solved[k] + left / before * way[k]
-        multiply(blocks, neighbours, axes, work[2, :f], work[3, :f])
+        multiply(blocks, pairs, springs, work[2, :f], work[3, :f])
         curvature = _dot(way, image)
         if not curvature > 0.0:
             break
@@ -288,7 +322,7 @@ def _precondition(  # noqa: PLR0912 -- each kernel more costs time to compile
 
 
 @vector_kernel
-def multiply(blocks: Floats, neighbours: Neighbours, axes: Floats, x: Floats, y: Floats) -> None:
+def multiply(blocks: Floats, pairs: Indices, springs: Floats, x: Floats, y: Floats) -> None:
     """Write the product of the matrix with x. Both are (f, n, 3); the product is 0 at the ends."""
     f, n, _ = x.shape
     for k in range(f):
@@ -300,11 +334,16 @@ def multiply(blocks: Floats, neighbours: Neighbours, axes: Floats, x: Floats, y:
             y[k, i, 1] = h[1] * p + h[3] * q + h[4] * r - x[k, i - 1, 1] - x[k, i + 1, 1]
             y[k, i, 2] = h[2] * p + h[4] * q + h[5] * r - x[k, i - 1, 2] - x[k, i + 1, 2]
     a, b = x.reshape(f * n, 3), y.reshape(f * n, 3)
-    for e in range(len(neighbours.pairs)):
-        i, j = neighbours.pairs[e, 0], neighbours.pairs[e, 1]
-        t0, t1, t2, u0, u1, u2 = axes[0, e], axes[1, e], axes[2, e], axes[3, e], axes[4, e], axes[5, e]
-        p, q, r = a[i, 0] - a[j, 0], a[i, 1] - a[j, 1], a[i, 2] - a[j, 2]
-        press = neighbours.stiffness[e, 0] * (u0 * p + u1 * q + u2 * r)
-        shear = neighbours.stiffness[e, 1] * (t0 * p + t1 * q + t2 * r)
-        f0, f1, f2 = press * u0 + shear * t0, press * u1 + shear * t1, press * u2 + shear * t2
-        pull_apart(b, i, j, f0, f1, f2)
+    for r in range(len(pairs)):
+        for k in range(WIDTH):
+            i, j, h = pairs[r, 0, k], pairs[r, 1, k], springs[r]
+            p, q, s = a[i, 0] - a[j, 0], a[i, 1] - a[j, 1], a[i, 2] - a[j, 2]
+            f0 = h[0, k] * p + h[1, k] * q + h[2, k] * s
+            f1 = h[1, k] * p + h[3, k] * q + h[4, k] * s
+            f2 = h[2, k] * p + h[4, k] * q + h[5, k] * s
+            b[i, 0] += f0
+            b[i, 1] += f1
+            b[i, 2] += f2
+            b[j, 0] -= f0
+            b[j, 1] -= f1
+            b[j, 2] -= f2

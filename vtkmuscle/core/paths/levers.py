@@ -10,11 +10,11 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from vtkmuscle.core.jit import vector_kernel
+from vtkmuscle.core.jit import lane, vector_kernel
 from vtkmuscle.core.paths.bone_contact import Load
-from vtkmuscle.core.paths.equilibrium import pull_apart
+from vtkmuscle.core.paths.equilibrium import axes_of, gather_pairs, pull_apart
 from vtkmuscle.core.paths.guides import Guides
-from vtkmuscle.core.paths.neighbours import Neighbours
+from vtkmuscle.core.paths.neighbours import WIDTH, Neighbours
 from vtkmuscle.core.types import FloatMap, Floats, Ints
 
 #: The response to the bones' move is solved for in steps until a step changes the levers by less than
@@ -140,8 +140,8 @@ def _responses(gradient: Floats, change: FloatMap, step: FloatMap) -> Iterator[F
 
 @vector_kernel
 def change_gradient(
-    x: Floats, velocity: Floats, held: Floats, neighbours: Neighbours, axes: Floats, widths: Floats,
-    widening: Floats, wider: Floats, turning: Floats, change: Floats,
+    x: Floats, velocity: Floats, held: Floats, neighbours: Neighbours, rows: Floats, widening: Floats,
+    going: Floats, lanes: Floats, change: Floats,
 ) -> None:  # fmt: skip
     """Write the change of the gradient with moving points.
 
@@ -151,18 +151,18 @@ def change_gradient(
 
     x, velocity : (f, n, 3), positions [mm], and velocities of the points;
     held : (f, n, 3, 3), stiffness of the holds on each point, bones included;
-    axes : (9, m), of :func:`~vtkmuscle.core.paths.equilibrium.find_axes`;
-    widths, widening : (f,), widths of the paths, and change of the widths with the paths' lengths [1/mm];
-    wider, turning : (f,), (f, n, 3), memory: rates of the paths' widths, and change of the tangents;
+    rows : (f n, 8), of :func:`~vtkmuscle.core.paths.equilibrium.add_neighbours` at x;
+    widening : (f,), change of the widths with the paths' lengths [1/mm];
+    going : (f n, 8), memory: the rates of ``rows``, 0 at the ends;  lanes : (14 WIDTH,), memory;
     change : (f, n, 3), overwritten, 0 at the ends.
     """
     f, n, _ = velocity.shape
     for a in range(f):
-        wider[a] = 0.0
+        wider = 0.0
         for i in range(n - 1):
             s0, s1, s2 = x[a, i + 1, 0] - x[a, i, 0], x[a, i + 1, 1] - x[a, i, 1], x[a, i + 1, 2] - x[a, i, 2]
             length = math.sqrt(s0 * s0 + s1 * s1 + s2 * s2)
-            wider[a] += (widening[a] / length if length > 0.0 else 0.0) * (
+            wider += (0.5 * widening[a] / length if length > 0.0 else 0.0) * (
                 s0 * (velocity[a, i + 1, 0] - velocity[a, i, 0])
                 + s1 * (velocity[a, i + 1, 1] - velocity[a, i, 1])
                 + s2 * (velocity[a, i + 1, 2] - velocity[a, i, 2])
@@ -170,37 +170,46 @@ def change_gradient(
         for c in range(3):
             change[a, 0, c] = change[a, n - 1, c] = 0.0
         for i in range(1, n - 1):
-            v0, v1, v2 = velocity[a, i, 0], velocity[a, i, 1], velocity[a, i, 2]
+            v0, v1, v2, row = velocity[a, i, 0], velocity[a, i, 1], velocity[a, i, 2], going[a * n + i]
+            row[3] = wider
             for c in range(3):
                 h, before, after = held[a, i, c], velocity[a, i - 1, c], velocity[a, i + 1, c]
-                turning[a, i, c] = after - before
+                row[c], row[4 + c] = velocity[a, i, c], after - before
                 bow = 2.0 * velocity[a, i, c] - before - after
                 change[a, i, c] = bow + (h[0] * v0 + h[1] * v1 + h[2] * v2)
-    by, going, turns = change.reshape(f * n, 3), velocity.reshape(f * n, 3), turning.reshape(f * n, 3)
-    for e in range(len(neighbours.pairs)):
-        i, j = neighbours.pairs[e, 0], neighbours.pairs[e, 1]
-        t0, t1, t2, u0, u1, u2 = axes[0, e], axes[1, e], axes[2, e], axes[3, e], axes[4, e], axes[5, e]
-        size, ahead, apart = axes[6, e], axes[7, e], axes[8, e]
-        if not size > 0.0:
-            continue
-        per_size, per_apart = 1.0 / size, 1.0 / apart if apart > 0.0 else 0.0
-        # The force is press u + shear t; press = turn apart.
-        width = 0.5 * (widths[i // n] + widths[j // n])
-        across, along = neighbours.stiffness[e, 0], neighbours.stiffness[e, 1]
-        turn = across * (apart - width * neighbours.distances[e]) * per_apart
-        shear = along * (ahead - neighbours.ahead[e] / (width * width))
-        bend = (shear - turn * ahead) * per_size
-        widened = 0.5 * (wider[i // n] + wider[j // n])
-        press_wider = -across * neighbours.distances[e] * widened
-        shear_wider = 2.0 * along * neighbours.ahead[e] / (width * width * width) * widened
-        w0, w1, w2 = going[i, 0] - going[j, 0], going[i, 1] - going[j, 1], going[i, 2] - going[j, 2]
-        d0, d1, d2 = turns[i, 0] + turns[j, 0], turns[i, 1] + turns[j, 1], turns[i, 2] + turns[j, 2]
-        turned = (u0 * d0 + u1 * d1 + u2 * d2) * per_size
-        parted = u0 * w0 + u1 * w1 + u2 * w2 - ahead * turned
-        moved = t0 * w0 + t1 * w1 + t2 * w2 + apart * turned
-        by_u = (across - turn) * parted + press_wider
-        by_t = (along - turn) * moved + shear_wider - bend * (t0 * d0 + t1 * d1 + t2 * d2)
-        f0 = turn * w0 + bend * d0 + by_u * u0 + by_t * t0
-        f1 = turn * w1 + bend * d1 + by_u * u1 + by_t * t1
-        f2 = turn * w2 + bend * d2 + by_u * u2 + by_t * t2
-        pull_apart(by, i, j, f0, f1, f2)
+    by = change.reshape(f * n, 3)
+    for r in range(len(neighbours.pairs)):
+        gather_pairs(rows, neighbours.pairs[r], lanes, 0)
+        gather_pairs(going, neighbours.pairs[r], lanes, 7)
+        constants = neighbours.constants[r].reshape(-1)
+        for k in range(WIDTH):
+            _change_spring(lanes, constants, k)
+        pull_apart(by, neighbours.pairs[r], lanes)
+
+
+@lane
+def _change_spring(lanes: Floats, constants: Floats, k: int) -> None:
+    t0, t1, t2, u0, u1, u2, size, ahead, apart = axes_of(lanes, k)
+    w0, w1, w2, widened = (
+        lanes[7 * WIDTH + k],
+        lanes[8 * WIDTH + k],
+        lanes[9 * WIDTH + k],
+        lanes[10 * WIDTH + k],
+    )
+    d0, d1, d2 = lanes[11 * WIDTH + k], lanes[12 * WIDTH + k], lanes[13 * WIDTH + k]
+    per_size, per_apart, width = 1.0 / size, 1.0 / apart, lanes[3 * WIDTH + k]
+    per_size, per_apart = per_size if size > 0.0 else 0.0, per_apart if apart > 0.0 else 0.0
+    across, along, widened = constants[2 * WIDTH + k], constants[3 * WIDTH + k], lanes[10 * WIDTH + k]
+    # The force is press u + shear t; press = turn apart.
+    turn = across * (apart - width * constants[k]) * per_apart
+    wide_ahead = constants[WIDTH + k] / (width * width)
+    bend = (along * (ahead - wide_ahead) - turn * ahead) * per_size
+    turned = (u0 * d0 + u1 * d1 + u2 * d2) * per_size
+    parted = u0 * w0 + u1 * w1 + u2 * w2 - ahead * turned
+    moved = t0 * w0 + t1 * w1 + t2 * w2 + apart * turned
+    by_u = (across - turn) * parted - across * constants[k] * widened
+    by_t = (along - turn) * moved + 2.0 * along * wide_ahead / width * widened
+    by_t -= bend * (t0 * d0 + t1 * d1 + t2 * d2)
+    lanes[k] = turn * w0 + bend * d0 + by_u * u0 + by_t * t0
+    lanes[WIDTH + k] = turn * w1 + bend * d1 + by_u * u1 + by_t * t1
+    lanes[2 * WIDTH + k] = turn * w2 + bend * d2 + by_u * u2 + by_t * t2

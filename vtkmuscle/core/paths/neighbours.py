@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import Floats, Indices, Ints
 
 #: Young's modulus of muscle across its fibres, as a part of the tension per area along them. Of passive
 #: muscle it is 0.1: 22 kPa (rabbit extensor digitorum longus; Morrow et al. 2010,
@@ -41,21 +42,23 @@ LEAST_STRETCH, GREATEST_STRETCH = 0.25, 4.0
 SAME = 1e-9
 
 
+#: Pairs of a row, computed side by side: four vectors of eight numbers.
+WIDTH = 32
+
+
 class Neighbours(NamedTuple):
     """Pairs of points that keep their distance.
 
-    The pairs belong to a sheet, and resist shear.
+    The pairs belong to a sheet, and resist shear. Places without a pair, in the last row, have the point 0
+    twice and no stiffness.
 
-    pairs : (m, 2) int, numbers of points, in the order of paths;
-    distances, ahead : (m,), distances at rest, across the paths and along the paths, of the first point from
-        the second [mm];
-    stiffness : (m, 2), across and along, in stiffnesses of a path's springs [1].
+    pairs : (r, 2, WIDTH), numbers of points, in the order of paths;
+    constants : (r, 4, WIDTH), of each pair: distance at rest, across the paths, and along the paths, of the
+        first point from the second [mm]; stiffness across and along, in stiffnesses of a path's springs [1].
     """
 
-    pairs: Ints
-    distances: Floats
-    ahead: Floats
-    stiffness: Floats
+    pairs: Indices
+    constants: Floats
 
 
 def neighbours_of(fibres: Floats) -> Neighbours:
@@ -67,18 +70,25 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     each for :data:`NEIGHBOURS`. As paths shorten by l, the kept distances grow by l^(-1/2): the muscle keeps
     its volume. The numbers of paths and of points on each do not matter.
     """
-    n, count = fibres.shape[1], NEIGHBOURS if len(fibres) > 2 * NEIGHBOURS else RING
-    length = float(path_lengths(fibres).mean())
-    pairs = _nearest_across(fibres, count, SAME * length)
+    n, many = fibres.shape[1], len(fibres) > 2 * NEIGHBOURS
+    length, count = float(path_lengths(fibres).mean()), NEIGHBOURS if many else RING
+    pairs = _nearest_across(fibres, count, many, SAME * length)
     ahead, across = _ahead_and_across(fibres.reshape(-1, 3), _tangents(fibres).reshape(-1, 3), *pairs.T)
     usual = float(np.quantile(across, 0.5 * RING / count)) if len(across) else 0.0  # of the first ring
     apart = (across > SAME * length) & (across > TOO_NEAR * usual)
     spacing = np.maximum(across[apart], LEAST_SPACING * usual)
-    moduli = RING / count * np.outer((length / (spacing * (n - 1))) ** 2, (MODULUS, SHEAR_MODULUS))
-    return Neighbours(pairs[apart], across[apart], ahead[apart], moduli)
+    moduli = RING / count * np.outer((MODULUS, SHEAR_MODULUS), (length / (spacing * (n - 1))) ** 2)
+    of_pairs = np.vstack([across[apart], ahead[apart], moduli])
+    return Neighbours(_in_rows(pairs[apart].T).astype(np.uint32), _in_rows(of_pairs))
 
 
-def _nearest_across(fibres: Floats, count: int, same: float) -> Ints:
+def _in_rows(values: NDArray[Any]) -> NDArray[Any]:
+    """Return values (k, m) of pairs in rows (r, k, WIDTH), 0 in places without a pair."""
+    filled = np.pad(values, ((0, 0), (0, -values.shape[1] % WIDTH)))
+    return np.ascontiguousarray(filled.reshape(len(values), -1, WIDTH).swapaxes(0, 1))
+
+
+def _nearest_across(fibres: Floats, count: int, mutual: bool, same: float) -> Ints:
     """Return pairs (m, 2) of points, nearest to each other's paths.
 
     Points are inner points of fibres (f, n, 3), numbered in their order. Beside a point are the ``count``
@@ -109,7 +119,10 @@ def _nearest_across(fibres: Floats, count: int, same: float) -> Ints:
         reach = np.partition(counted, last, axis=1)[:, last, None]
         beside &= distance <= (1.0 + SAME) * reach
         found.append(np.column_stack([here[beside], numbers[beside]]))
-    return np.unique(np.sort(np.concatenate(found), axis=1), axis=0)
+    ways = np.concatenate(found)
+    if mutual:
+        ways = ways[np.isin(ways[:, 1] * f + ways[:, 0] // n, ways[:, 0] * f + ways[:, 1] // n)]
+    return np.unique(np.sort(ways, axis=1), axis=0)
 
 
 def _tangents(fibres: Floats) -> Floats:

@@ -15,7 +15,7 @@ from vtkmuscle.core.paths import equilibrium
 from vtkmuscle.core.paths.bone_contact import PUSH, BoneContacts, Load, add_contacts
 from vtkmuscle.core.paths.guides import Guides
 from vtkmuscle.core.paths.levers import change_gradient, path_levers
-from vtkmuscle.core.paths.neighbours import Neighbours, path_widths, widening
+from vtkmuscle.core.paths.neighbours import WIDTH, Neighbours, path_widths, widening
 from vtkmuscle.core.paths.ring_contact import Rings, add_rings, hold_in_rings, ring_load, rings_at
 from vtkmuscle.core.paths.surroundings import Surroundings
 from vtkmuscle.core.paths.via_rings import ViaRing
@@ -124,8 +124,10 @@ class SheetPose:
         self.ring_points = nothing if ring_points is None else ring_points.copy()
         self.gradient, self.way, self.steps = np.zeros(shape), np.empty(shape), 0
         self._blocks, self._beside = np.zeros((f, n, 6)), np.empty((f * n, 6))
-        self._axes = np.empty((9, len(sheet.neighbours.pairs)))
-        self._matrix = self._blocks, sheet.neighbours, self._axes
+        pairs = sheet.neighbours.pairs
+        self._springs = np.empty((len(pairs), 6, WIDTH))
+        self._rows, self._lanes = np.empty((f * n, 8)), np.empty(14 * WIDTH)
+        self._matrix = self._blocks, pairs, self._springs
         self._inverses, self._work = np.empty((f + 1, n, 6)), np.empty((4, f + 1, n, 3))
         self._pressure = np.zeros((len(sheet.contacts.numbers), f, n))
         self._ring_pressure = np.zeros((len(sheet.rings), f, n))
@@ -143,10 +145,8 @@ class SheetPose:
         self.x, gradient, blocks, near = x, self.gradient, self._blocks, self._near
         equilibrium.add_springs(x, self._held, self._pull, gradient, blocks)
         sheet, widths = self._sheet, path_widths(x, self._sheet.lengths)
-        equilibrium.find_axes(x.reshape(-1, 3), sheet.neighbours.pairs, self._axes)
-        equilibrium.add_neighbours(
-            gradient.reshape(-1, 3), self._beside, sheet.neighbours, widths, self._axes
-        )
+        work = self._rows, self._lanes, gradient.reshape(-1, 3), self._springs
+        equilibrium.add_neighbours(x, sheet.neighbours, widths, *work)
         contacts, shape = sheet.contacts, self._pressure.shape
         contacts.update(x, near)
         gaps, normals = near.gaps.reshape(shape), near.normals.reshape(*shape, 3)
@@ -209,7 +209,7 @@ class SheetPose:
     def step(self) -> float:
         """Compute Newton's step, ``way``, and return its slope."""
         self.steps += 1
-        equilibrium.prepare_solve(self._blocks, self._beside, self._inverses)
+        equilibrium.prepare_solve(*self._matrix, self._beside, self._inverses)
         return self._solve(self.gradient)
 
     def _solve(self, gradient: Floats) -> float:
@@ -258,13 +258,13 @@ class SheetPose:
         held = np.zeros((*x.shape, 3))
         for load in loads.values():
             held += load.stiffness
-        widths = path_widths(x, sheet.lengths), widening(x, sheet.lengths)
-        equilibrium.prepare_solve(self._blocks, self._beside, self._inverses)
+        wider, going = widening(x, sheet.lengths), np.zeros_like(self._rows)
+        equilibrium.prepare_solve(*self._matrix, self._beside, self._inverses)
 
         def change(velocity: Floats) -> Floats:
-            result, memory = np.empty_like(velocity), (np.empty(len(x)), np.empty_like(velocity))
-            change_gradient(x, velocity, held, sheet.neighbours, self._axes, *widths, *memory, result)
-            return result
+            work = going, self._lanes, np.empty_like(velocity)
+            change_gradient(x, velocity, held, sheet.neighbours, self._rows, wider, *work)
+            return work[-1]
 
         def step(gradient: Floats) -> Floats:
             self._solve(gradient)
