@@ -171,7 +171,7 @@ class TautPaths(Filter):
         poses, end_bones, held = kept
         state = poses.at(bones.transforms, memory=self.checkpoint_memory * 1e6)
         self.report_progress(1.0)
-        levers = poses.levers(bones.transforms, bones.twists) if self.levers else {}
+        levers = state.levers(bones.twists) if self.levers else {}
         count, n, _ = state.paths.shape
         points, offsets = state.paths.reshape(-1, 3), n * np.arange(count + 1)
         if rest_fibres is None:
@@ -198,7 +198,7 @@ def _bows(
 ) -> dict[str, Floats]:
     """Return the parts of lengths and levers that are of bows off the bones."""
     free, lines = state.per_fibre(free_shares(state, held)), state.paths[:, [0, -1]]
-    alone: Any = {}, twists, np.zeros_like(lines), (np.zeros_like, np.zeros_like)
+    alone: Any = (), twists, np.zeros_like(lines), (np.zeros_like, np.zeros_like)
     straight = zip(levers.items(), path_levers(lines, end_bones, *alone), strict=True)
     bows = {array_of(BOW_LEVER, name): free * (own - line) for (name, own), line in straight}
     return {BOW: free * (state.lengths - path_lengths(lines)), **bows}

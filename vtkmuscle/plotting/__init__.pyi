@@ -4,7 +4,6 @@ from .figures import (
     plot_moment_arms as plot_moment_arms,
 )
 from .plotters import (
-    add_time_slider as add_time_slider,
     make_plotter as make_plotter,
     show_time as show_time,
 )

@@ -152,23 +152,6 @@ def show_time(plotter: pyvista.Plotter, time: float) -> None:
     plotter.render()
 
 
-def add_time_slider(plotter: pyvista.Plotter, times: Sequence[float], **appearance: Any) -> Any:
-    """Add a time slider for the filters on a plotter.
-
-    Parameters
-    ----------
-    plotter : pyvista.Plotter
-        With algorithms.
-    times : sequence of float
-        The slider covers their range, continuously.
-    **appearance
-        Arguments of :meth:`pyvista.Plotter.add_slider_widget`: ``title``, ``pointa``, ``pointb``,
-        ``value`` and so on.
-    """
-    span = (float(min(times)), float(max(times)))
-    return plotter.add_slider_widget(lambda time: show_time(plotter, time), span, **appearance)
-
-
 def _filters_behind(algorithm: Any) -> Iterator[Filter]:
     """Yield the nearest filters of the package upstream."""
     if isinstance(algorithm, Filter):

@@ -107,9 +107,9 @@ def flexed_hip(scene, name):
     ("name", "straight", "back"),
     [
         ("gluteus_medius", (LENGTHS, LEVERS), (LENGTHS, 0.1)),
-        ("gluteus_maximus", (LENGTHS, LEVERS), (LENGTHS, LEVERS)),
+        ("gluteus_maximus", (0.3, 0.4), (LENGTHS, 0.4)),
         pytest.param("iliacus", (LENGTHS, LEVERS), (LENGTHS, LEVERS), marks=pytest.mark.long),
-        ("adductor_brevis", (0.06, 0.2), (LENGTHS, LEVERS)),
+        ("adductor_brevis", (LENGTHS, LEVERS), (LENGTHS, LEVERS)),
     ],
 )
 @pytest.mark.slow

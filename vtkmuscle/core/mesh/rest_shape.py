@@ -211,8 +211,7 @@ class Volume:
         """Move points to the rest volume. Held points stay; return the relative error before."""
         mass = self._mass if held is None else np.where(held, 0.0, self._mass)
         rest = self._triangles, self._rest, 1.0, self._floor
-        volume = project_volume(points, mass, mass, *rest, self._gradient)
-        return abs(volume / self._rest - 1.0)
+        return abs(project_volume(points, mass, mass, *rest, self._gradient) / self._rest - 1.0)
 
     def finish(self, points: Floats, keep_out: Callable[[Floats], Bools]) -> Bools:
         """Take points out of the bones. Others give back the volume; return the held points."""

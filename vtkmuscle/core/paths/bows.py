@@ -37,6 +37,7 @@ def free_shares(state: PathState, held: Floats | float = 0.0) -> Floats:
     for part in LEFT_OUT:
         if not (free := shares > held).any():
             break
+        near.gaps.reshape(-1, *x.shape[:2])[:, ~free] = np.inf  # not looked up
         curves = x - part * free[:, None, None] * bows
         contacts.update(curves, near)
         pushes = (np.maximum(-near.gaps, 0.0)[..., None] * near.normals).sum(axis=0).reshape(x.shape)

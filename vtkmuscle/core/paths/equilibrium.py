@@ -55,6 +55,23 @@ def add_springs(x: Floats, held: Floats, pull: Floats, gradient: Floats, blocks:
             gradient[a, 0, c] = gradient[a, n - 1, c] = 0.0
 
 
+@kernel
+def write_rows(points: Floats, widths: Floats, rows: Floats) -> None:
+    """Write what pairs need of each point, as rows (f n, 8).
+
+    A row has the position of points (f, n, 3), half of the width of the path (f,), and the sum of the two
+    segments at the point, 0 at the ends.
+    """
+    f, n, _ = points.shape
+    for a in range(f):
+        for i in range(n):
+            row = rows[a * n + i]
+            row[3] = 0.5 * widths[a]
+            for c in range(3):
+                row[c] = points[a, i, c]
+                row[4 + c] = points[a, i + 1, c] - points[a, i - 1, c] if 0 < i < n - 1 else 0.0
+
+
 @lane
 def gather_pairs(rows: Floats, pairs: Indices, lanes: Floats, first: int) -> None:
     """Write what a row of pairs needs of the points' rows (f n, 8).
@@ -119,19 +136,12 @@ def add_neighbours(
     widths.
 
     x : (f, n, 3), positions [mm];
-    rows : (f n, 8), overwritten: position, half of the width, and tangent of each point, 0 at the ends;
+    rows : (f n, 8), overwritten as by :func:`write_rows`;
     lanes : (7 WIDTH,), memory;
     gradient : (f n, 3), added to;
     springs : (r, 6, WIDTH), overwritten by each pair's stiffness, as a block.
     """
-    f, n, _ = x.shape
-    for a in range(f):
-        for i in range(n):
-            row = rows[a * n + i]
-            row[3] = 0.5 * widths[a]
-            for c in range(3):
-                row[c] = x[a, i, c]
-                row[4 + c] = x[a, i + 1, c] - x[a, i - 1, c] if 0 < i < n - 1 else 0.0
+    write_rows(x, widths, rows)
     for r in range(len(neighbours.pairs)):
         gather_pairs(rows, neighbours.pairs[r], lanes, 0)
         constants, blocks = neighbours.constants[r].reshape(-1), springs[r].reshape(-1)
@@ -146,9 +156,8 @@ def _spring(lanes: Floats, constants: Floats, block: Floats, k: int) -> None:
     width, across, along = lanes[3 * WIDTH + k], constants[2 * WIDTH + k], constants[3 * WIDTH + k]
     press = across * (apart - width * constants[k])
     shear = along * (ahead - constants[WIDTH + k] / (width * width))
-    lanes[k] = press * u0 + shear * t0
-    lanes[WIDTH + k] = press * u1 + shear * t1
-    lanes[2 * WIDTH + k] = press * u2 + shear * t2
+    for c, (u, t) in enumerate(((u0, t0), (u1, t1), (u2, t2))):
+        lanes[c * WIDTH + k] = press * u + shear * t
     block[k] = across * u0 * u0 + along * t0 * t0
     block[WIDTH + k] = across * u0 * u1 + along * t0 * t1
     block[2 * WIDTH + k] = across * u0 * u2 + along * t0 * t2
@@ -341,9 +350,6 @@ def multiply(blocks: Floats, pairs: Indices, springs: Floats, x: Floats, y: Floa
             f0 = h[0, k] * p + h[1, k] * q + h[2, k] * s
             f1 = h[1, k] * p + h[3, k] * q + h[4, k] * s
             f2 = h[2, k] * p + h[4, k] * q + h[5, k] * s
-            b[i, 0] += f0
-            b[i, 1] += f1
-            b[i, 2] += f2
-            b[j, 0] -= f0
-            b[j, 1] -= f1
-            b[j, 2] -= f2
+            for c, force in enumerate((f0, f1, f2)):
+                b[i, c] += force
+                b[j, c] -= force

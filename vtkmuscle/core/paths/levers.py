@@ -5,15 +5,14 @@ A lever is the change of a path's length as a coordinate moves the bones, with a
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from vtkmuscle.core.jit import lane, vector_kernel
 from vtkmuscle.core.paths.bone_contact import Load
-from vtkmuscle.core.paths.equilibrium import axes_of, gather_pairs, pull_apart
-from vtkmuscle.core.paths.guides import Guides
+from vtkmuscle.core.paths.equilibrium import axes_of, gather_pairs, pull_apart, write_rows
+from vtkmuscle.core.paths.guides import Guides, with_bones
 from vtkmuscle.core.paths.neighbours import WIDTH, Neighbours
 from vtkmuscle.core.types import FloatMap, Floats, Ints
 
@@ -30,7 +29,7 @@ LARGEST_GROWTH = 5.0
 
 
 def path_levers(
-    points: Floats, ends: tuple[Ints, Ints], loads: Mapping[int, Load], twists: Floats, drift: Floats,
+    points: Floats, ends: tuple[Ints, Ints], loads: Sequence[tuple[int, Load]], twists: Floats, drift: Floats,
     solver: tuple[FloatMap, FloatMap], carried: tuple[Guides, Floats] | None = None,
 ) -> Floats:  # fmt: skip
     """Return the levers of paths as twists move bones.
@@ -43,7 +42,7 @@ def path_levers(
 
     points : (f, n, 3), in equilibrium [mm];
     ends : two (f,) int, bones of the starts and of the ends;
-    loads : mapping of int to Load, forces of each bone on the points;
+    loads : sequence of (int, Load), bones and their forces on the points;
     twists : (v, b, 6), of the bones: velocity at the origin and angular velocity, per unit of each of v
         coordinates;
     drift : (f, n, 3), displacement of the points between the ends, such as the last move: the solution begins
@@ -54,26 +53,20 @@ def path_levers(
     carried : (Guides, (b, 4, 4)), optional, carry the paths of further fibres, in a pose of the bones.
     """
     change, step = solver
-    pull = _pull_of(points)
-    all_pull = pull if carried is None else _pull_of(carried[0].carry(points, carried[1]))
-    starting, ending = ends
-    touched = sorted({*starting.tolist(), *ending.tolist(), *loads})
-    # To begin with points go with the ends by how near they are to each.
-    along = np.linspace(0.0, 1.0, points.shape[1])
-    parts = [np.outer(starting == bone, 1.0 - along) + np.outer(ending == bone, along) for bone in touched]
+    pull = pull_of(points)
+    all_pull = pull if carried is None else pull_of(carried[0].carry(points, carried[1]))
+    touched = sorted({*ends[0].tolist(), *ends[1].tolist(), *(bone for bone, _ in loads)})
     start = drift.copy()
     start[:, [0, -1]] = 0.0
     along_drift = change(start)
 
     def lever(twist: Floats) -> Floats:
-        velocity, by_loads = np.zeros_like(points), np.zeros_like(points)
-        for bone, share in zip(touched, parts, strict=True):
-            turned_axes = np.cross(twist[bone, 3:], np.eye(3))
-            with_bone = points @ turned_axes + twist[bone, :3]
-            velocity += share[..., None] * with_bone
-            if bone in loads:  # which go with it, and turn with it
-                force, stiffness = loads[bone]
-                by_loads += np.einsum("fnij,fnj->fni", stiffness, with_bone) + force @ turned_axes
+        rates, by_loads = _rates_of(twist), np.zeros_like(points)
+        velocity = with_bones(points, *ends, rates)  # to begin with
+        for bone, (force, stiffness) in loads:  # which go with the bone, and turn with it
+            turn = rates[bone, :3, :3].T
+            with_bone = points @ turn + rates[bone, :3, 3]
+            by_loads += np.einsum("fnij,fnj->fni", stiffness, with_bone) + force @ turn
         gradient = change(velocity)
         gradient[:, 1:-1] -= by_loads[:, 1:-1]
         part = -float(np.vdot(gradient, along_drift)) / (float(np.vdot(along_drift, along_drift)) or 1.0)
@@ -89,7 +82,7 @@ def path_levers(
             if size < least:
                 break
         if carried is not None:
-            velocity = carried[0].carry(velocity, _moved_by(twist, carried[1]))
+            velocity = carried[0].carry(velocity, rates @ carried[1])
         return np.asarray(np.einsum("fni,fni->f", all_pull, velocity))  # the rates of shortening
 
     # All bones that move together leave the lengths as they are.
@@ -100,19 +93,19 @@ def path_levers(
     return levers
 
 
-def _pull_of(paths: Floats) -> Floats:
+def pull_of(paths: Floats) -> Floats:
     """Return the pull of a unit tension in paths on their points, (f, n, 3)."""
     segments = np.diff(paths, axis=1)
     sizes = np.linalg.norm(segments, axis=2, keepdims=True)
     return np.diff(segments / np.maximum(sizes, np.finfo(float).tiny), axis=1, prepend=0.0, append=0.0)
 
 
-def _moved_by(twist: Floats, transforms: Floats) -> Floats:
-    """Return the changes (b, 4, 4) of transforms (b, 4, 4) by a twist (b, 6)."""
-    changes = np.zeros_like(transforms)
-    changes[:, :3] = np.cross(twist[:, None, 3:], transforms[:, :3].swapaxes(1, 2)).swapaxes(1, 2)
-    changes[:, :3, 3] += twist[:, :3]
-    return changes
+def _rates_of(twist: Floats) -> Floats:
+    """Return matrices (b, 4, 4) that take points to their velocities by a twist (b, 6)."""
+    rates = np.zeros((len(twist), 4, 4))
+    rates[:, :3, :3] = np.cross(twist[:, None, 3:], np.eye(3)).swapaxes(1, 2)
+    rates[:, :3, 3] = twist[:, :3]
+    return rates
 
 
 def _responses(gradient: Floats, change: FloatMap, step: FloatMap) -> Iterator[Floats]:
@@ -140,8 +133,8 @@ def _responses(gradient: Floats, change: FloatMap, step: FloatMap) -> Iterator[F
 
 @vector_kernel
 def change_gradient(
-    x: Floats, velocity: Floats, held: Floats, neighbours: Neighbours, rows: Floats, widening: Floats,
-    going: Floats, lanes: Floats, change: Floats,
+    velocity: Floats, wider: Floats, held: Floats, neighbours: Neighbours, rows: Floats, going: Floats,
+    lanes: Floats, change: Floats,
 ) -> None:  # fmt: skip
     """Write the change of the gradient with moving points.
 
@@ -149,33 +142,24 @@ def change_gradient(
     :func:`~vtkmuscle.core.paths.equilibrium.add_springs` and
     :func:`~vtkmuscle.core.paths.equilibrium.add_neighbours`, with turning tangents and changing widths.
 
-    x, velocity : (f, n, 3), positions [mm], and velocities of the points;
+    velocity, wider : (f, n, 3), (f,), velocities of the points, and rates of the paths' widths;
     held : (f, n, 3, 3), stiffness of the holds on each point, bones included;
-    rows : (f n, 8), of :func:`~vtkmuscle.core.paths.equilibrium.add_neighbours` at x;
-    widening : (f,), change of the widths with the paths' lengths [1/mm];
-    going : (f n, 8), memory: the rates of ``rows``, 0 at the ends;  lanes : (14 WIDTH,), memory;
+    rows : (f n, 8), of :func:`~vtkmuscle.core.paths.equilibrium.write_rows`;
+    going, lanes : (f n, 8), (14 WIDTH,), memory;
     change : (f, n, 3), overwritten, 0 at the ends.
     """
     f, n, _ = velocity.shape
+    write_rows(velocity, wider, going)
     for a in range(f):
-        wider = 0.0
-        for i in range(n - 1):
-            s0, s1, s2 = x[a, i + 1, 0] - x[a, i, 0], x[a, i + 1, 1] - x[a, i, 1], x[a, i + 1, 2] - x[a, i, 2]
-            length = math.sqrt(s0 * s0 + s1 * s1 + s2 * s2)
-            wider += (0.5 * widening[a] / length if length > 0.0 else 0.0) * (
-                s0 * (velocity[a, i + 1, 0] - velocity[a, i, 0])
-                + s1 * (velocity[a, i + 1, 1] - velocity[a, i, 1])
-                + s2 * (velocity[a, i + 1, 2] - velocity[a, i, 2])
-            )
         for c in range(3):
             change[a, 0, c] = change[a, n - 1, c] = 0.0
         for i in range(1, n - 1):
-            v0, v1, v2, row = velocity[a, i, 0], velocity[a, i, 1], velocity[a, i, 2], going[a * n + i]
-            row[3] = wider
+            v0, v1, v2 = velocity[a, i, 0], velocity[a, i, 1], velocity[a, i, 2]
             for c in range(3):
-                h, before, after = held[a, i, c], velocity[a, i - 1, c], velocity[a, i + 1, c]
-                row[c], row[4 + c] = velocity[a, i, c], after - before
-                bow = 2.0 * velocity[a, i, c] - before - after
+                h, bow = (
+                    held[a, i, c],
+                    2.0 * velocity[a, i, c] - velocity[a, i - 1, c] - velocity[a, i + 1, c],
+                )
                 change[a, i, c] = bow + (h[0] * v0 + h[1] * v1 + h[2] * v2)
     by = change.reshape(f * n, 3)
     for r in range(len(neighbours.pairs)):
@@ -210,6 +194,5 @@ def _change_spring(lanes: Floats, constants: Floats, k: int) -> None:
     by_u = (across - turn) * parted - across * constants[k] * widened
     by_t = (along - turn) * moved + 2.0 * along * wide_ahead / width * widened
     by_t -= bend * (t0 * d0 + t1 * d1 + t2 * d2)
-    lanes[k] = turn * w0 + bend * d0 + by_u * u0 + by_t * t0
-    lanes[WIDTH + k] = turn * w1 + bend * d1 + by_u * u1 + by_t * t1
-    lanes[2 * WIDTH + k] = turn * w2 + bend * d2 + by_u * u2 + by_t * t2
+    for c, (w, d, u, t) in enumerate(((w0, d0, u0, t0), (w1, d1, u1, t1), (w2, d2, u2, t2))):
+        lanes[c * WIDTH + k] = turn * w + bend * d + by_u * u + by_t * t

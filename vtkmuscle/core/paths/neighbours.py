@@ -23,8 +23,10 @@ SHEAR_MODULUS = 0.017
 
 #: Neighbours of a path in a section: the three nearest rings of an even pattern, of 6 each, which are equally
 #: stiff in sum. Springs to the first ring alone leave a strongly sheared section two shapes, a triangle of
-#: springs and its mirror image, and many fibres snap at once. Where three rings are not less than half of the
-#: sheet, springs would reach across all of it, and the first ring holds alone.
+#: springs and its mirror image, and many fibres snap at once. Two paths are neighbours if each is among the
+#: nearest of the other: with all nearest, paths at a border would hold far ones, and the sheet would be a
+#: third stiffer than its moduli. Where three rings are not less than half of the sheet, springs would reach
+#: across all of it, and the first ring holds alone, with all nearest: mutual ones would be too few.
 NEIGHBOURS, RING = 18, 6
 
 #: Two points nearer than this part of the median distance are as stiff as two so far apart: where paths meet
@@ -70,9 +72,9 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     each for :data:`NEIGHBOURS`. As paths shorten by l, the kept distances grow by l^(-1/2): the muscle keeps
     its volume. The numbers of paths and of points on each do not matter.
     """
-    n, many = fibres.shape[1], len(fibres) > 2 * NEIGHBOURS
-    length, count = float(path_lengths(fibres).mean()), NEIGHBOURS if many else RING
-    pairs = _nearest_across(fibres, count, many, SAME * length)
+    n, count = fibres.shape[1], NEIGHBOURS if len(fibres) > 2 * NEIGHBOURS else RING
+    length = float(path_lengths(fibres).mean())
+    pairs = _nearest_across(fibres, count, SAME * length)
     ahead, across = _ahead_and_across(fibres.reshape(-1, 3), _tangents(fibres).reshape(-1, 3), *pairs.T)
     usual = float(np.quantile(across, 0.5 * RING / count)) if len(across) else 0.0  # of the first ring
     apart = (across > SAME * length) & (across > TOO_NEAR * usual)
@@ -88,12 +90,13 @@ def _in_rows(values: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(filled.reshape(len(values), -1, WIDTH).swapaxes(0, 1))
 
 
-def _nearest_across(fibres: Floats, count: int, mutual: bool, same: float) -> Ints:
+def _nearest_across(fibres: Floats, count: int, same: float) -> Ints:
     """Return pairs (m, 2) of points, nearest to each other's paths.
 
     Points are inner points of fibres (f, n, 3), numbered in their order. Beside a point are the ``count``
-    nearest paths. A path that ends before the point, or comes no nearer than a segment
-    ahead, is not beside the point. Distances within ``same`` [mm] are equal.
+    nearest paths; of more than :data:`RING`, only paths to whose point the point's path is one of the
+    nearest. A path that ends before the point, or comes no nearer than a segment ahead, is not beside the
+    point. Distances within ``same`` [mm] are equal.
     """
     f, n, _ = fibres.shape
     inner, flat = fibres[:, 1:-1], (fibres.reshape(-1, 3), _tangents(fibres).reshape(-1, 3))
@@ -107,8 +110,7 @@ def _nearest_across(fibres: Floats, count: int, mutual: bool, same: float) -> In
         numbers = np.take_along_axis(points[None], nearest[..., None], axis=2)[..., 0]
         here = np.broadcast_to(points[path][:, None], numbers.shape)
         ahead, _ = _ahead_and_across(*flat, here.reshape(-1), numbers.reshape(-1))
-        ending = (nearest == 0) | (nearest == n - 3)
-        limit = np.where(ending, 0.5 * segments, segments.mean())
+        limit = np.where((nearest == 0) | (nearest == n - 3), 0.5 * segments, segments.mean())
         beside = np.abs(ahead).reshape(numbers.shape) <= limit
         beside[:, path] = False
         # Paths that have run together count once: rounding would say in which direction they are apart. Of
@@ -120,7 +122,7 @@ def _nearest_across(fibres: Floats, count: int, mutual: bool, same: float) -> In
         beside &= distance <= (1.0 + SAME) * reach
         found.append(np.column_stack([here[beside], numbers[beside]]))
     ways = np.concatenate(found)
-    if mutual:
+    if count > RING:
         ways = ways[np.isin(ways[:, 1] * f + ways[:, 0] // n, ways[:, 0] * f + ways[:, 1] // n)]
     return np.unique(np.sort(ways, axis=1), axis=0)
 

@@ -14,7 +14,7 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.paths import equilibrium
 from vtkmuscle.core.paths.bone_contact import PUSH, BoneContacts, Load, add_contacts
 from vtkmuscle.core.paths.guides import Guides
-from vtkmuscle.core.paths.levers import change_gradient, path_levers
+from vtkmuscle.core.paths.levers import change_gradient, path_levers, pull_of
 from vtkmuscle.core.paths.neighbours import WIDTH, Neighbours, path_widths, widening
 from vtkmuscle.core.paths.ring_contact import Rings, add_rings, hold_in_rings, ring_load, rings_at
 from vtkmuscle.core.paths.surroundings import Surroundings
@@ -104,8 +104,8 @@ class SheetPose:
         f, n, _ = shape
         self._sheet, self._middle = sheet, (points.min(axis=(0, 1)) + points.max(axis=(0, 1))) / 2.0
         self.x = points - self._middle
-        #: Of each bone, what its tissue holds points with: stiffness (f, n, 3, 3) and pull (f, n, 3).
-        self._tissue: dict[int, tuple[Floats, Floats]] = {}
+        #: Each bone, with the stiffness (f, n, 3, 3) and pull (f, n, 3) of its tissue.
+        self._tissue: list[tuple[int, Floats, Floats]] = []
         self._moved = np.array(transforms)
         self._moved[:, :3, 3] -= self._middle
         self._near = sheet.contacts.proximity(self._moved)
@@ -117,7 +117,7 @@ class SheetPose:
             pull = np.einsum("fnij,fnj->fni", stiffness, home) + around.force[k] @ turn.T
             held += stiffness
             self._pull += pull
-            self._tissue[number] = stiffness, pull
+            self._tissue.append((number, stiffness, pull))
         self._held = np.ascontiguousarray(held.reshape(f, n, 9)[:, :, [0, 1, 2, 4, 5, 8]])
         self._rings: Rings = rings_at(sheet.rings, transforms, self._middle, sheet.outside)
         nothing = np.zeros((len(sheet.rings), f), dtype=np.int64)
@@ -167,7 +167,7 @@ class SheetPose:
         longest = LARGEST_STEP * segment
         lacking, product = np.zeros_like(self._blocks), np.empty_like(x)
         before: list[tuple[Floats, Floats, Floats]] = []
-        slopes: deque[float] = deque(maxlen=4)
+        slopes: deque[float] = deque(maxlen=3)
         self.look_at(x)
         for number in range(ITERATIONS):
             if number > PLAIN_STEPS:
@@ -256,15 +256,16 @@ class SheetPose:
         """
         x, sheet, loads = self.x, self._sheet, self._loads()
         held = np.zeros((*x.shape, 3))
-        for load in loads.values():
+        for _, load in loads:
             held += load.stiffness
-        wider, going = widening(x, sheet.lengths), np.zeros_like(self._rows)
+        wider, going = -widening(x, sheet.lengths)[:, None, None] * pull_of(x), np.empty_like(self._rows)
         equilibrium.prepare_solve(*self._matrix, self._beside, self._inverses)
 
         def change(velocity: Floats) -> Floats:
-            work = going, self._lanes, np.empty_like(velocity)
-            change_gradient(x, velocity, held, sheet.neighbours, self._rows, wider, *work)
-            return work[-1]
+            rates, result = np.einsum("fni,fni->f", wider, velocity), np.empty_like(velocity)
+            work = self._rows, going, self._lanes
+            change_gradient(velocity, rates, held, sheet.neighbours, *work, result)
+            return result
 
         def step(gradient: Floats) -> Floats:
             self._solve(gradient)
@@ -276,39 +277,29 @@ class SheetPose:
         carried = None if sheet.guides is None else (sheet.guides, self._moved)
         return path_levers(x, ends, loads, about, drift, (change, step), carried)
 
-    def _loads(self) -> dict[int, Load]:
-        """Return the loads of the bones on the points."""
+    def _loads(self) -> list[tuple[int, Load]]:
+        """Return the loads on the points, each with the number of its bone."""
         x, contacts = self.x, self._sheet.contacts
-        loads: dict[int, Load] = {}
-
-        def add(number: int, load: Load) -> None:
-            if (before := loads.get(number)) is not None:
-                load = Load(before.force + load.force, before.stiffness + load.stiffness)
-            loads[number] = load
-
-        for number, (held, pull) in self._tissue.items():
-            add(number, Load(pull - np.einsum("fnij,fnj->fni", held, x), held))
+        loads = [
+            (number, Load(pull - np.einsum("fnij,fnj->fni", held, x), held))
+            for number, held, pull in self._tissue
+        ]
         for k, number in enumerate(contacts.numbers):
             if self._pressure[k].any():
-                add(number, contacts.load(k, self._near, self._pressure[k]))
+                loads.append((number, contacts.load(k, self._near, self._pressure[k])))
         for k, (number, _) in enumerate(self._sheet.rings):
             if (points := self.ring_points[k]).any():
-                add(number, ring_load(x, self._rings, k, points, contacts.rounding))
+                loads.append((number, ring_load(x, self._rings, k, points, contacts.rounding)))
         return loads
 
 
 def _rate(slopes: Sequence[float]) -> tuple[float, float]:
     """Return the ratio of coming steps to those before, and the square of the last, as a geometric series.
 
-    Slopes are minus squares of steps. The larger of the last two ratios counts; where long and short steps
-    take turns, the mean of two steps, from the longer.
+    Slopes are minus squares of steps. The larger of the last two ratios counts.
     """
     ratios = [_FIRST_RATIO, *(math.sqrt(after / before) for before, after in pairwise(slopes))]
-    rate = max(ratios[-2:])
-    if rate < 1.0 or len(slopes) < 4:
-        return min(rate, SLOWEST), -slopes[-1]
-    two = max(slopes[2] / slopes[0], slopes[3] / slopes[1])
-    return min(two**0.25, SLOWEST), -min(slopes[-2:])
+    return min(max(ratios[-2:]), SLOWEST), -slopes[-1]
 
 
 def accelerated(

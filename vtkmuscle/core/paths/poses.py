@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
@@ -30,8 +28,6 @@ class KeptPoses:
         #: Corners of the box of the ends on each bone, (b, 8, 3) [mm].
         self._corners: Floats = np.array(boxes)
         self._states: dict[bytes, tuple[PathState, Floats]] = {}
-        #: Levers in each of these poses, by coordinate and its twists.
-        self._levers: dict[bytes, dict[tuple[str, bytes], Floats]] = {}
 
     def at(self, transforms: Floats, *, memory: float) -> PathState:
         """Return the paths in a pose. Transforms (b, 4, 4) of the bones lead from rest to now.
@@ -45,26 +41,10 @@ class KeptPoses:
             farthest_moves = [np.linalg.norm(corners - placed, axis=2).max() for _, placed in starts]
             state = self._paths.follow(starts[int(np.argmin(farthest_moves))][0], transforms)
             self._states[key] = state, corners
-            self._levers[key] = {}
             most = max(int(memory // max(state.nbytes, 1)), 1)
             for old in list(self._states)[:-most]:
-                del self._states[old], self._levers[old]
+                del self._states[old]
         return self._states[key][0]
-
-    def levers(self, transforms: Floats, twists: Mapping[str, Floats]) -> dict[str, Floats]:
-        """Return the paths' levers by each coordinate.
-
-        The pose is the last of :meth:`at`, the twists are as of
-        :meth:`~vtkmuscle.core.paths.sheet.PathState.levers`. Levers are computed once: computed again, the
-        last digits would differ.
-        """
-        key = transforms.tobytes()
-        names = {name: (name, twist.tobytes()) for name, twist in twists.items()}
-        kept = self._levers[key]
-        if any(name not in kept for name in names.values()):
-            computed = self._states[key][0].levers(twists)
-            kept.update({names[name]: levers for name, levers in computed.items()})
-        return {name: kept[known] for name, known in names.items()}
 
     def _placed(self, transforms: Floats) -> Floats:
         """Return the corners seen from the first bone, (b, 8, 3)."""

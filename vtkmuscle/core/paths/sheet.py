@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import weakref
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,7 +16,7 @@ from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.mesh.surface import mean_thickness
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screws_between
-from vtkmuscle.core.motion.rigid import inverse
+from vtkmuscle.core.motion.rigid import inverses
 from vtkmuscle.core.paths.bone_contact import BoneContacts
 from vtkmuscle.core.paths.guides import ALL_PATHS, Guides, with_bones
 from vtkmuscle.core.paths.neighbours import neighbours_of, path_lengths
@@ -68,6 +68,8 @@ class PathState:
     ends_moved: Floats
     drift: Floats
     forces: Callable[[], SheetPose | None] = lambda: None
+    #: Levers in this pose by the twists' content.
+    _levers: dict[bytes, Floats] = field(default_factory=dict, init=False)
 
     @cached_property
     def paths(self) -> Floats:
@@ -104,12 +106,14 @@ class PathState:
 
         Levers are (k,): minus dl/dq by coordinate q, with all else in equilibrium. A coordinate moves the
         bones by twists (b, 6): velocity at the origin and angular velocity, per unit. See
-        :func:`~vtkmuscle.core.paths.levers.path_levers`.
+        :func:`~vtkmuscle.core.paths.levers.path_levers`. Levers are computed once: computed again, the last
+        digits would differ.
         """
-        if not twists:
-            return {}
-        levers = self._pose().levers(np.array(list(twists.values())), self.drift)
-        return dict(zip(twists, levers, strict=True))
+        new = [twist for twist in twists.values() if twist.tobytes() not in self._levers]
+        if new:
+            levers = self._pose().levers(np.array(new), self.drift)
+            self._levers.update(zip((twist.tobytes() for twist in new), levers, strict=True))
+        return {name: self._levers[twist.tobytes()] for name, twist in twists.items()}
 
     def _pose(self) -> SheetPose:
         """Return the settled pose of the sheet."""
@@ -198,7 +202,7 @@ class MusclePaths:
         transforms = np.array(transforms, dtype=np.float64)
         known = transforms.copy()  # a further bone has not moved
         known[: len(before.transforms)] = before.transforms[: len(known)]
-        moves = _moves(known, transforms)
+        moves = transforms @ inverses(known)
         if np.ptp(moves, axis=0).max() <= _TOGETHER:
             ends = self.start_bones, self.end_bones
             points = with_bones(before.points, *ends, moves)
@@ -221,7 +225,7 @@ class MusclePaths:
         ends_moved, last = self._ends_moved(before.transforms, transforms), before.ends_moved
         again = float(np.vdot(last, ends_moved)) / (float(np.vdot(last, last)) or math.inf)
         again = max(-LARGEST_DRIFT, min(again, LARGEST_DRIFT))
-        moves = _moves(before.transforms, transforms)
+        moves = transforms @ inverses(before.transforms)
         ends = self.start_bones, self.end_bones
         carried = with_bones(before.points, *ends, moves)
         start = with_bones(before.points + again * before.drift, *ends, moves)
@@ -256,11 +260,6 @@ class MusclePaths:
         self._latest = pose  # alive for the levers of this state
         now = self._sheet, pose.points, transforms, pose.ring_points, settled, pose.steps
         return PathState(*now, ends_moved, pose.points - carried, weakref.ref(pose))
-
-
-def _moves(before: Floats, now: Floats) -> Floats:
-    """Return the moves of bones, (b, 4, 4)."""
-    return np.array([b @ inverse(a) for a, b in zip(before, now, strict=True)])
 
 
 def _carried_by(transforms: Floats, points: Floats) -> Floats:

@@ -182,8 +182,7 @@ class CarriedMuscle:
         transforms : (b, 4, 4), of the bones, rest to now;
         settling : ``rounds``, ``near`` and ``progress`` of :meth:`Settling.settle`.
         """
-        skinned = None
-        carried = self._points
+        skinned, carried = None, self._points
         if self._skinning is not None and paths is not None:
             skinned = self._skinning.at(paths, transforms)
             carried = skinned.surface
