@@ -25,9 +25,9 @@ def thin(frames: dict[Time, Any], steps: Sequence[float], path: Sequence[Time], 
     path are kept, and not counted, so that playing on never restarts.
     """
     last, nbytes = path[-2:], frames[path[-1]].nbytes
-    number: dict[Time, int] = {time: i for i, time in enumerate(steps)}
     kept, stride = [time for time in frames if time not in last], 1
     while len(kept) * nbytes > memory:
+        number: dict[Time, int] = {time: i for i, time in enumerate(steps)}
         kept = [time for time in kept if nbytes <= memory and number.get(time, 0.5) % stride == 0]
         stride *= 2
     for time in set(frames) - {*kept, *last}:
