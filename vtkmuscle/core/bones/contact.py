@@ -11,7 +11,7 @@ from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.lookup import STEEPEST, Field, distance_and_normal, distance_at, least_distance_at
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour
-from vtkmuscle.core.motion.rigid import inverse, transform_point
+from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats
 
 #: A point deeper than this is moved [cells]; the push ends within half of it.
@@ -84,6 +84,9 @@ class BoneContact:
         self.boxes = BoneBoxes(bones, [clearance] * len(bones))
         self.rest, self.free, self.clearance = rest, free, clearance
         self._levels: dict[int, Floats] = {}
+        #: By number of the bone, as of the last pose in which the bone was met: its field, transforms to its
+        #: axes and back, and position and squared room of each point's look-up.
+        self.seen: dict[int, tuple[Field, Floats, Floats, Floats, Floats]] = {}
 
     def levels(self, number: int) -> Floats:
         """Return each point's least distance (n,) from a bone [mm]."""
@@ -106,7 +109,7 @@ class PoseContact:
 
     The pose has the transforms of the bones (b, 4, 4), rest to now, and other muscles. Positions are relative
     to a ``centre`` (3,) in the scene. After a look-up of its distance from a bone, a point is looked up again
-    only after a move by the distance.
+    only after a move by the distance along with the bone, also in later poses.
     """
 
     def __init__(
@@ -134,13 +137,17 @@ class PoseContact:
         return moved
 
     def _first_look(self, number: int) -> tuple[Field, Floats, Floats, Floats, Floats]:
-        """Return a bone's field, transforms to its axes and back, and memory for the look-ups of points."""
+        """Return the look-ups of a bone, see :attr:`BoneContact.seen`."""
         contact, bone = self._contact, self._contact.bones[number]
         transform = np.array(self._transforms[contact.boxes.indices[number]])
         transform[:3, 3] -= self._centre
         back, n = transform @ inverse(bone.axes), len(contact.rest)
-        field = bone.look_up(contact.clearance)
-        self._seen[number] = field, inverse(back), back, np.zeros((n, 3)), np.zeros(n)
+        field, seen_at, squares = bone.look_up(contact.clearance), np.zeros((n, 3)), np.zeros(n)
+        if last := contact.seen.get(number):
+            seen_at = apply_transform(back @ last[1], last[3])
+            # A cell is far more than the rounding of a table of transforms.
+            squares = np.maximum(np.sqrt(last[4]) - bone.cell, 0.0) ** 2
+        self._seen[number] = contact.seen[number] = field, inverse(back), back, seen_at, squares
         return self._seen[number]
 
 
@@ -165,16 +172,17 @@ def _keep_out(
             continue
         before = field.lacking[0]
         transform_point(to_axes, p, i, at)
-        distance = least_distance_at(field, at[0], at[1], at[2], clearance)
+        # A bound falls no faster than the way.
+        distance, steepest = least_distance_at(field, at[0], at[1], at[2], clearance), 1.0
         if distance <= clearance:
-            distance = distance_at(field, at[0], at[1], at[2])
+            distance, steepest = distance_at(field, at[0], at[1], at[2]), STEEPEST
         deep = levels[i] - distance > TOLERANCE * field.cell  # not where it is unknown, NaN
         if deep:
             _push_out(field, at, levels[i], normal)
         waiting[i] = field.lacking[0] > before
         if waiting[i]:
             continue
-        room = max(distance - clearance, 0.0) / STEEPEST
+        room = max(distance - clearance, 0.0) / steepest
         squares[i] = room * room
         for k in range(3):
             seen_at[i, k] = p[i, k]
