@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
@@ -22,6 +23,11 @@ MOST_PUSHES = 20
 
 #: A muscle with more than this part of its free points in a bone at rest is swallowed by it.
 SWALLOWED = 0.9
+
+
+#: The field of a bone, transforms (4, 4) to the bone's axes and back, and of each point the least distance
+#: (n,), the position of the last look-up (n, 3), and the square (n,) of the distance that the point may go.
+Seen: TypeAlias = tuple[Field, Floats, Floats, Floats, Floats, Floats]
 
 
 class BoneBoxes:
@@ -83,25 +89,21 @@ class BoneContact:
         self.bones = tuple(bones.values())
         self.boxes = BoneBoxes(bones, [clearance] * len(bones))
         self.rest, self.free, self.clearance = rest, free, clearance
-        self._levels: dict[int, Floats] = {}
-        #: By number of the bone, as of the last pose in which the bone was met: its field, transforms to its
-        #: axes and back, and position and squared room of each point's look-up.
-        self.seen: dict[int, tuple[Field, Floats, Floats, Floats, Floats]] = {}
+        #: Of each bone's number, as of the last pose in which the bone was met.
+        self.seen: dict[int, Seen] = {}
 
     def levels(self, number: int) -> Floats:
         """Return each point's least distance (n,) from a bone [mm]."""
-        if number not in self._levels:
-            bone = self.bones[number]
-            if bone.solids.remarks:
-                warnings.warn(f"{bone.name}: " + "; ".join(bone.solids.remarks), stacklevel=2)
-            distance, _ = bone.field(self.rest, within=self.clearance)
-            inside = int((distance[self.free] < 0.0).sum())
-            if inside > SWALLOWED * self.free.sum():
-                problem = f"{inside} of the muscle's {self.free.sum()} free points are inside at rest "
-                problem += "and may stay as deep; check that bone and muscle are in the same frame and unit"
-                warnings.warn(f"{bone.name}: {problem}", stacklevel=2)
-            self._levels[number] = np.minimum(distance, self.clearance)
-        return self._levels[number]
+        bone = self.bones[number]
+        if bone.solids.remarks:
+            warnings.warn(f"{bone.name}: " + "; ".join(bone.solids.remarks), stacklevel=2)
+        distance, _ = bone.field(self.rest, within=self.clearance)
+        inside = int((distance[self.free] < 0.0).sum())
+        if inside > SWALLOWED * self.free.sum():
+            problem = f"{inside} of the muscle's {self.free.sum()} free points are inside at rest "
+            problem += "and may stay as deep; check that bone and muscle are in the same frame and unit"
+            warnings.warn(f"{bone.name}: {problem}", stacklevel=2)
+        return np.minimum(distance, self.clearance)
 
 
 class PoseContact:
@@ -118,7 +120,7 @@ class PoseContact:
         self._contact, self._transforms, self._centre = contact, transforms, centre
         self._muscles = MuscleContact(neighbours, contact.free, centre)
         self._low, self._high = contact.boxes.moved(transforms, centre)
-        self._seen: dict[int, tuple[Field, Floats, Floats, Floats, Floats]] = {}
+        self._seen: dict[int, Seen] = {}
         self._met, self._work = np.empty(len(contact.bones), dtype=np.bool_), np.empty((2, 3))
         self._waiting = np.empty(len(contact.rest), dtype=np.bool_)
 
@@ -128,39 +130,39 @@ class PoseContact:
         boxes_met(p, contact.free, self._low, self._high, self._met)
         for number, met in enumerate(self._met.tolist()):
             if met:
-                bone, levels = contact.bones[number], contact.levels(number)
-                seen = self._seen.get(number) or self._first_look(number)
-                wanted, more = contact.free, (levels, contact.clearance, moved, self._work)
-                while _keep_out(*seen, p, wanted, self._waiting, *more):
-                    bone.fill(seen[0])
+                seen, wanted = self._seen.get(number) or self._first_look(number), contact.free
+                while _keep_out(*seen, p, wanted, self._waiting, moved, self._work):
+                    contact.bones[number].fill(seen[0])
                     wanted = self._waiting.copy()
         return moved
 
-    def _first_look(self, number: int) -> tuple[Field, Floats, Floats, Floats, Floats]:
-        """Return the look-ups of a bone, see :attr:`BoneContact.seen`."""
+    def _first_look(self, number: int) -> Seen:
+        """Return the look-ups of a bone at the start of a pose."""
         contact, bone = self._contact, self._contact.bones[number]
         transform = np.array(self._transforms[contact.boxes.indices[number]])
         transform[:3, 3] -= self._centre
         back, n = transform @ inverse(bone.axes), len(contact.rest)
-        field, seen_at, squares = bone.look_up(contact.clearance), np.zeros((n, 3)), np.zeros(n)
-        if last := contact.seen.get(number):
-            seen_at = apply_transform(back @ last[1], last[3])
+        field, last = bone.look_up(contact.clearance), contact.seen.get(number)
+        if last is None:
+            levels, seen_at, squares = contact.levels(number), np.zeros((n, 3)), np.zeros(n)
+        else:
+            levels, seen_at = last[3], apply_transform(back @ last[1], last[4])
             # A cell is far more than the rounding of a table of transforms.
-            squares = np.maximum(np.sqrt(last[4]) - bone.cell, 0.0) ** 2
-        self._seen[number] = contact.seen[number] = field, inverse(back), back, seen_at, squares
-        return self._seen[number]
+            squares = np.maximum(np.sqrt(last[5]) - bone.cell, 0.0) ** 2
+        seen = field, inverse(back), back, levels, seen_at, squares
+        self._seen[number] = contact.seen[number] = seen
+        return seen
 
 
 @kernel
 def _keep_out(
-    field: Field, to_axes: Floats, back: Floats, seen_at: Floats, squares: Floats, p: Floats, wanted: Bools,
-    waiting: Bools, levels: Floats, clearance: float, moved: Bools, work: Floats,
+    field: Field, to_axes: Floats, back: Floats, levels: Floats, seen_at: Floats, squares: Floats, p: Floats,
+    wanted: Bools, waiting: Bools, moved: Bools, work: Floats,
 ) -> bool:  # fmt: skip
     """Do the work of :meth:`PoseContact.keep_out` for a bone; return whether points wait for nodes.
 
-    seen_at, squares : (n, 3), (n,), position of a point's look-up, and the square of the distance that the
-    point may go from there;  wanted : (n,), points to look up;  waiting : (n,), written: points with unknown
-    nodes;  work : (2, 3), memory.
+    field to squares : see :data:`Seen`;  wanted : (n,), points to look up;  waiting : (n,), written: points
+    with unknown nodes;  work : (2, 3), memory.
     """
     at, normal = work[0], work[1]
     for i in range(len(p)):
@@ -170,19 +172,19 @@ def _keep_out(
         x, y, z = p[i, 0] - seen_at[i, 0], p[i, 1] - seen_at[i, 1], p[i, 2] - seen_at[i, 2]
         if x * x + y * y + z * z < squares[i]:
             continue
-        before = field.lacking[0]
+        before, level = field.lacking[0], levels[i]
         transform_point(to_axes, p, i, at)
         # A bound falls no faster than the way.
-        distance, steepest = least_distance_at(field, at[0], at[1], at[2], clearance), 1.0
-        if distance <= clearance:
+        distance, steepest = least_distance_at(field, at[0], at[1], at[2], max(level, 0.0)), 1.0
+        if distance <= level:
             distance, steepest = distance_at(field, at[0], at[1], at[2]), STEEPEST
-        deep = levels[i] - distance > TOLERANCE * field.cell  # not where it is unknown, NaN
+        deep = level - distance > TOLERANCE * field.cell  # not where it is unknown, NaN
         if deep:
-            _push_out(field, at, levels[i], normal)
+            _push_out(field, at, level, normal)
         waiting[i] = field.lacking[0] > before
         if waiting[i]:
             continue
-        room = max(distance - clearance, 0.0) / steepest
+        room = max(distance - level, 0.0) / steepest
         squares[i] = room * room
         for k in range(3):
             seen_at[i, k] = p[i, k]
