@@ -23,7 +23,7 @@ def turns(axis: Floats, angles: Floats) -> Floats:
 def inverses(transforms: Floats) -> Floats:
     """Return the inverses of rigid transforms (f, 4, 4)."""
     result = np.array(transforms.swapaxes(1, 2), dtype=np.float64, order="C")
-    result[:, :3, 3:] = -(result[:, :3, :3] @ transforms[:, :3, 3:])
+    result[:, :3, 3:] = -(transforms[:, :3, :3].swapaxes(1, 2) @ transforms[:, :3, 3:])
     result[:, 3, :3] = 0.0
     return result
 
