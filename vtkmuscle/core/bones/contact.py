@@ -40,14 +40,14 @@ class BoneBoxes:
     def __init__(self, bones: Mapping[int, Bone], margins: Sequence[float]) -> None:
         self.indices = np.array(list(bones), dtype=np.int64)
         corners = np.array([bone.box for bone in bones.values()]).reshape(-1, 2, 3)
-        self._middles = corners.mean(axis=1)
-        self._halves = np.ptp(corners, axis=1) / 2.0 + np.reshape(margins, (-1, 1))
+        self._middles = corners.mean(axis=1)[:, :, None]
+        self._halves = np.ptp(corners, axis=1)[:, :, None] / 2.0 + np.reshape(margins, (-1, 1, 1))
 
     def moved(self, transforms: Floats, centre: Floats) -> tuple[Floats, Floats]:
         """Return the low and high corners (k, 3) of the moved boxes, relative to a centre (3,)."""
         mine = transforms[self.indices]
-        middles = np.einsum("bij,bj->bi", mine[:, :3, :3], self._middles) + mine[:, :3, 3] - centre
-        halves = np.einsum("bij,bj->bi", np.abs(mine[:, :3, :3]), self._halves)
+        middles = (mine[:, :3, :3] @ self._middles)[:, :, 0] + mine[:, :3, 3] - centre
+        halves = (np.abs(mine[:, :3, :3]) @ self._halves)[:, :, 0]
         # A box without extent must not be missed for a rounding error.
         halves += 1e-9 * (np.abs(middles) + np.abs(centre) + halves)
         return middles - halves, middles + halves
