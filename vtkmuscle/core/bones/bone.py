@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.bones.lookup import (
-    COARSE,
     FIELD_ERROR,
     Field,
     distance_and_normal,
@@ -34,6 +33,9 @@ UNEVENNESS = 1e-3
 
 #: Reach of the field beyond the bone's box, in diagonals of the box; farther away each point is measured.
 REACH = 0.25
+
+#: Step of the nodes that bound the distances of far points: few of these nodes bound them all.
+APART = 16
 
 #: Fewer points are measured without a field.
 _LEAST_LOOKED_UP = 64
@@ -209,7 +211,7 @@ class Bone:
         cells = reach / cell
         while True:
             first = np.floor(low / cell - cells - least)
-            counts = np.ceil(high / cell + cells + least) - first + 1.0 + COARSE
+            counts = np.ceil(high / cell + cells + least) - first + 1.0 + APART
             if np.prod(counts) <= _MOST_NODES:
                 break
             if not cells > 1.0:

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from vtkmuscle.core.bones.bone import Bone
+from vtkmuscle.core.bones.bone import APART, Bone
 from vtkmuscle.core.bones.lookup import STEEPEST, Field, distance_and_normal, distance_at, least_distance_at
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour
@@ -149,9 +149,8 @@ class PoseContact:
             levels, seen_at = last[3], apply_transform(back @ last[1], last[4])
             # A cell is far more than the rounding of a table of transforms.
             squares = np.maximum(np.sqrt(last[5]) - bone.cell, 0.0) ** 2
-        seen = field, inverse(back), back, levels, seen_at, squares
-        self._seen[number] = contact.seen[number] = seen
-        return seen
+        self._seen[number] = contact.seen[number] = field, inverse(back), back, levels, seen_at, squares
+        return self._seen[number]
 
 
 @kernel
@@ -175,7 +174,9 @@ def _keep_out(
         before, level = field.lacking[0], levels[i]
         transform_point(to_axes, p, i, at)
         # A bound falls no faster than the way.
-        distance, steepest = least_distance_at(field, at[0], at[1], at[2], max(level, 0.0)), 1.0
+        distance, steepest = least_distance_at(field, at[0], at[1], at[2], max(level, 0.0), APART), 1.0
+        if distance <= level:
+            distance = least_distance_at(field, at[0], at[1], at[2], max(level, 0.0))
         if distance <= level:
             distance, steepest = distance_at(field, at[0], at[1], at[2]), STEEPEST
         deep = level - distance > TOLERANCE * field.cell  # not where it is unknown, NaN

@@ -102,9 +102,8 @@ class TwoLevels:
         shifts = coarse - np.einsum("cij,cj->ci", turns, self._coarse)
         motions = np.hstack([turns.reshape(-1, 9), shifts])
         _carry(motions, self._carriers, self._parts, rest, carried)
-        now = transforms[self._fixed_to]
-        residual = np.einsum("fij,fj->fi", now[:, :3, :3], rest[self._fixed]) + now[:, :3, 3]
-        residual -= carried[self._fixed]
+        now, fixed = transforms[self._fixed_to], self._fixed
+        residual = (now[:, :3, :3] @ rest[fixed, :, None])[:, :, 0] + now[:, :3, 3] - carried[fixed]
         carried[self._along] += self._near[:, None] * residual[self._nearest]
         return carried
 
