@@ -125,7 +125,7 @@ def surface_from(points: Floats, triangles: Ints) -> vtkPolyData:
     return surface
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Polylines:
     """Polylines: line i is points[offsets[i] : offsets[i + 1]].
 
@@ -249,7 +249,7 @@ def blocks_of(data: vtkMultiBlockDataSet) -> list[tuple[str, Any]]:
     """Return (name, data set) of each block; unnamed blocks are numbered."""
     blocks = []
     for i in range(data.GetNumberOfBlocks()):
-        name = data.GetMetaData(i).Get(vtkMultiBlockDataSet.NAME()) if data.HasMetaData(i) else None
+        name = vtkMultiBlockDataSet.NAME().Get(data.GetMetaData(i)) if data.HasMetaData(i) else None
         blocks.append((str(i) if name is None else name, data.GetBlock(i)))
     return blocks
 
@@ -259,7 +259,7 @@ def multiblock_from(blocks: dict[str, Any]) -> vtkMultiBlockDataSet:
     data = vtkMultiBlockDataSet()
     for i, (name, block) in enumerate(blocks.items()):
         data.SetBlock(i, block)
-        data.GetMetaData(i).Set(vtkMultiBlockDataSet.NAME(), name)
+        vtkMultiBlockDataSet.NAME().Set(data.GetMetaData(i), name)
     return data
 
 

@@ -7,36 +7,36 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import VTK_DOUBLE, vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
-from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
-from vtkmodules.vtkCommonTransforms import vtkTransform
-from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.levers import MotionTwists
-from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.motion.rigid import RigidMotion, transform_points
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import add_arrays, array_of, multiblock_from, shallow_copy
+from vtkmuscle.data.arrays import add_arrays, array_of, multiblock_from, points_of, shallow_copy, vtk_array
 from vtkmuscle.data.moving_bones import TWIST, bones_of
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
 
 
-def _rest_pose(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
-    """Return bones at rest, with the identity as ``Transform``."""
-    at_rest, bones = {"Transform": np.eye(4).reshape(-1)}, bones_of(data, where)
-    return {name: add_arrays(shallow_copy(bone), fields=at_rest) for name, bone in bones.items()}
+def _rest_pose(data: vtkMultiBlockDataSet, where: str) -> dict[str, tuple[vtkPolyData, Floats]]:
+    """Return bones at rest with the identity as ``Transform``, and points."""
+    still, bones = {"Transform": np.eye(4).reshape(-1)}, bones_of(data, where).items()
+    return {name: (add_arrays(shallow_copy(bone), fields=still), points_of(bone)) for name, bone in bones}
 
 
-def _moved(bone: vtkPolyData, transform: Floats) -> vtkPolyData:
-    """Return a bone moved rigidly, with its normals and vectors."""
-    to_pose = vtkTransform()
-    to_pose.SetMatrix(transform.ravel().tolist())
-    mover = vtkTransformFilter()
-    mover.SetTransform(to_pose)
-    mover.SetInputData(bone)
-    mover.SetOutputPointsPrecision(vtkAlgorithm.DOUBLE_PRECISION)
-    mover.Update()
-    moved: vtkPolyData = mover.GetOutput()
+def _moved(bone: vtkPolyData, rest: Floats, transform: Floats) -> vtkPolyData:
+    """Return a bone moved rigidly. Points at rest (n, 3), normals and vectors."""
+    positions, moved = vtkPoints(), shallow_copy(bone)
+    positions.SetDataType(VTK_DOUBLE)
+    positions.SetNumberOfPoints(len(rest))
+    transform_points(transform.copy(), rest, vtk_to_numpy(positions.GetData()))
+    moved.SetPoints(positions)
+    for attributes in (moved.GetPointData(), moved.GetCellData()):
+        for directions in filter(None, (attributes.GetNormals(), attributes.GetVectors())):
+            turned = vtk_to_numpy(directions) @ transform[:3, :3].T
+            attributes.AddArray(vtk_array(turned, directions.GetName(), directions.GetDataType()))
     return add_arrays(moved, fields={"Transform": transform.reshape(-1)})
 
 
@@ -95,7 +95,7 @@ class BoneMotion(Filter):
         """Return the times of the motion."""
         return None if self.motion is None else [float(time) for time in self.motion.times]
 
-    def execute(self, bones: dict[str, vtkPolyData]) -> vtkMultiBlockDataSet:
+    def execute(self, bones: dict[str, tuple[vtkPolyData, Floats]]) -> vtkMultiBlockDataSet:
         """Return the moved bones."""
         transforms: dict[str, Floats] = {}
         twists: dict[str, dict[str, Floats]] = {}
@@ -107,9 +107,9 @@ class BoneMotion(Filter):
             moved, named = (", ".join(map(repr, names)) for names in (unknown, bones))
             problem = f"the motion moves {moved}, but the bones are {named}"
             raise InputError("", problem, "rename the block or the motion's bone")
-        blocks = dict(bones)
+        blocks = {name: bone for name, (bone, _) in bones.items()}
         for name, transform in transforms.items():
-            blocks[name] = _moved(bones[name], transform)
+            blocks[name] = _moved(*bones[name], transform)
             for coordinate, by_bone in twists.items():
                 add_arrays(blocks[name], fields={array_of(TWIST, coordinate): by_bone.get(name, np.zeros(6))})
         return multiblock_from(blocks)

@@ -136,13 +136,12 @@ class PathDeformer(Filter):
 
     _fibres_asked = False
 
-    def ProcessRequest(self, request: Any, inInfo: Any, outInfo: Any) -> int:
+    def RequestDataNotGenerated(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Omit the fibres from requests for the muscle alone."""
-        if request.Has(vtkDemandDrivenPipeline.REQUEST_DATA_NOT_GENERATED()):
-            self._fibres_asked = request.Get(vtkExecutive.FROM_OUTPUT_PORT()) == 1
-            if not self._fibres_asked:
-                outInfo.GetInformationObject(1).Set(vtkDemandDrivenPipeline.DATA_NOT_GENERATED(), 1)
-        return super().ProcessRequest(request, inInfo, outInfo)
+        self._fibres_asked = vtkExecutive.FROM_OUTPUT_PORT().Get(request) == 1
+        if not self._fibres_asked:
+            vtkDemandDrivenPipeline.DATA_NOT_GENERATED().Set(outInfo.GetInformationObject(1), 1)
+        return 1
 
     def execute(
         self, muscle: Surface, paths: PathLines | None, rest_bones: RestBones, bones: MovingBones,
@@ -150,7 +149,7 @@ class PathDeformer(Filter):
     ) -> tuple[vtkPolyData, vtkPolyData | None]:  # fmt: skip
         """Return the muscle and, on request, the fibres at the requested time."""
         rest_bones.check_same(bones)
-        fixed = fixed_muscle(muscle, list(rest_bones.surfaces), fibres)
+        fixed = self.once("rest", (muscle, list(rest_bones.surfaces), fibres), fixed_muscle)
         rest, now = (None, None) if paths is None else (paths.rest, paths.points)
         made_from = fixed, rest, rest_bones.shapes, self.bone_clearance
         with errors_at("muscle"):

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.bones.lookup import (
-    COARSE,
     FIELD_ERROR,
     Field,
     distance_and_normal,
@@ -34,6 +33,9 @@ UNEVENNESS = 1e-3
 
 #: Reach of the field beyond the bone's box, in diagonals of the box; farther away each point is measured.
 REACH = 0.25
+
+#: Step of the nodes that bound the distances of far points: few of these nodes bound them all.
+APART = 16
 
 #: Fewer points are measured without a field.
 _LEAST_LOOKED_UP = 64
@@ -196,14 +198,10 @@ class Bone:
         if field.lacking[0] == 0:
             return False
         numbers = np.empty(27 * int(field.lacking[1]), dtype=np.int64)
-        numbers = numbers[: _unknown(field, numbers)]
-        numbers.sort()
-        at_rest = np.empty((len(numbers), 3))
-        count = _place(field, inverse(self.axes), numbers, at_rest)
-        if count:
-            distances, known = self.solids.distances(at_rest[:count]), field.nodes.reshape(-1)
-            distances[distances == 0.0] = np.finfo(np.float64).tiny  # 0 is unknown
-            known[numbers[:count]] = distances
+        nodes = np.unravel_index(np.unique(numbers[: _unknown(field, numbers)]), field.nodes.shape)
+        positions = field.cell * (np.transpose(nodes) + field.low)
+        distances = self.solids.distances(apply_transform(inverse(self.axes), positions))
+        field.nodes[nodes] = np.where(distances == 0.0, np.finfo(np.float64).tiny, distances)  # 0 is unknown
         return True
 
     def _nothing(self, reach: float) -> tuple[float, Field]:
@@ -213,7 +211,7 @@ class Bone:
         cells = reach / cell
         while True:
             first = np.floor(low / cell - cells - least)
-            counts = np.ceil(high / cell + cells + least) - first + 1.0 + COARSE
+            counts = np.ceil(high / cell + cells + least) - first + 1.0 + APART
             if np.prod(counts) <= _MOST_NODES:
                 break
             if not cells > 1.0:
@@ -279,23 +277,6 @@ def _unknown(field: Field, numbers: Ints) -> int:
                     if nodes[number] == 0.0:
                         numbers[count], count = number, count + 1
     notes[0] = notes[1] = 0
-    return count
-
-
-@kernel
-def _place(field: Field, to_rest: Floats, numbers: Ints, at_rest: Floats) -> int:
-    """Write the positions of nodes, and return their count. Repeated numbers (n,), in order, are dropped."""
-    _, height, depth = field.nodes.shape
-    count = 0
-    for number in numbers:
-        if count and number == numbers[count - 1]:
-            continue
-        line, at = number // depth, at_rest[count]
-        at[0], at[1], at[2] = line // height, line % height, number % depth
-        for k in range(3):
-            at[k] = field.cell * (at[k] + field.low[k])
-        transform_point(to_rest, at_rest, count, at)
-        numbers[count], count = number, count + 1
     return count
 
 

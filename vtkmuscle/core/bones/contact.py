@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
-from vtkmuscle.core.bones.bone import Bone
+from vtkmuscle.core.bones.bone import APART, Bone
 from vtkmuscle.core.bones.lookup import STEEPEST, Field, distance_and_normal, distance_at, least_distance_at
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour
-from vtkmuscle.core.motion.rigid import inverse, transform_point
+from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats
 
 #: A point deeper than this is moved [cells]; the push ends within half of it.
@@ -24,6 +25,11 @@ MOST_PUSHES = 20
 SWALLOWED = 0.9
 
 
+#: The field of a bone, transforms (4, 4) to the bone's axes and back, and of each point the least distance
+#: (n,), the position of the last look-up (n, 3), and the square (n,) of the distance that the point may go.
+Seen: TypeAlias = tuple[Field, Floats, Floats, Floats, Floats, Floats]
+
+
 class BoneBoxes:
     """The boxes of bones. They show the bones that points can meet.
 
@@ -34,14 +40,14 @@ class BoneBoxes:
     def __init__(self, bones: Mapping[int, Bone], margins: Sequence[float]) -> None:
         self.indices = np.array(list(bones), dtype=np.int64)
         corners = np.array([bone.box for bone in bones.values()]).reshape(-1, 2, 3)
-        self._middles = corners.mean(axis=1)
-        self._halves = np.ptp(corners, axis=1) / 2.0 + np.reshape(margins, (-1, 1))
+        self._middles = corners.mean(axis=1)[:, :, None]
+        self._halves = np.ptp(corners, axis=1)[:, :, None] / 2.0 + np.reshape(margins, (-1, 1, 1))
 
     def moved(self, transforms: Floats, centre: Floats) -> tuple[Floats, Floats]:
         """Return the low and high corners (k, 3) of the moved boxes, relative to a centre (3,)."""
         mine = transforms[self.indices]
-        middles = np.einsum("bij,bj->bi", mine[:, :3, :3], self._middles) + mine[:, :3, 3] - centre
-        halves = np.einsum("bij,bj->bi", np.abs(mine[:, :3, :3]), self._halves)
+        middles = (mine[:, :3, :3] @ self._middles)[:, :, 0] + mine[:, :3, 3] - centre
+        halves = (np.abs(mine[:, :3, :3]) @ self._halves)[:, :, 0]
         # A box without extent must not be missed for a rounding error.
         halves += 1e-9 * (np.abs(middles) + np.abs(centre) + halves)
         return middles - halves, middles + halves
@@ -83,22 +89,21 @@ class BoneContact:
         self.bones = tuple(bones.values())
         self.boxes = BoneBoxes(bones, [clearance] * len(bones))
         self.rest, self.free, self.clearance = rest, free, clearance
-        self._levels: dict[int, Floats] = {}
+        #: Of each bone's number, as of the last pose in which the bone was met.
+        self.seen: dict[int, Seen] = {}
 
     def levels(self, number: int) -> Floats:
         """Return each point's least distance (n,) from a bone [mm]."""
-        if number not in self._levels:
-            bone = self.bones[number]
-            if bone.solids.remarks:
-                warnings.warn(f"{bone.name}: " + "; ".join(bone.solids.remarks), stacklevel=2)
-            distance, _ = bone.field(self.rest, within=self.clearance)
-            inside = int((distance[self.free] < 0.0).sum())
-            if inside > SWALLOWED * self.free.sum():
-                problem = f"{inside} of the muscle's {self.free.sum()} free points are inside at rest "
-                problem += "and may stay as deep; check that bone and muscle are in the same frame and unit"
-                warnings.warn(f"{bone.name}: {problem}", stacklevel=2)
-            self._levels[number] = np.minimum(distance, self.clearance)
-        return self._levels[number]
+        bone = self.bones[number]
+        if bone.solids.remarks:
+            warnings.warn(f"{bone.name}: " + "; ".join(bone.solids.remarks), stacklevel=2)
+        distance, _ = bone.field(self.rest, within=self.clearance)
+        inside = int((distance[self.free] < 0.0).sum())
+        if inside > SWALLOWED * self.free.sum():
+            problem = f"{inside} of the muscle's {self.free.sum()} free points are inside at rest "
+            problem += "and may stay as deep; check that bone and muscle are in the same frame and unit"
+            warnings.warn(f"{bone.name}: {problem}", stacklevel=2)
+        return np.minimum(distance, self.clearance)
 
 
 class PoseContact:
@@ -106,7 +111,7 @@ class PoseContact:
 
     The pose has the transforms of the bones (b, 4, 4), rest to now, and other muscles. Positions are relative
     to a ``centre`` (3,) in the scene. After a look-up of its distance from a bone, a point is looked up again
-    only after a move by the distance.
+    only after a move by the distance along with the bone, also in later poses.
     """
 
     def __init__(
@@ -115,7 +120,7 @@ class PoseContact:
         self._contact, self._transforms, self._centre = contact, transforms, centre
         self._muscles = MuscleContact(neighbours, contact.free, centre)
         self._low, self._high = contact.boxes.moved(transforms, centre)
-        self._seen: dict[int, tuple[Field, Floats, Floats, Floats, Floats]] = {}
+        self._seen: dict[int, Seen] = {}
         self._met, self._work = np.empty(len(contact.bones), dtype=np.bool_), np.empty((2, 3))
         self._waiting = np.empty(len(contact.rest), dtype=np.bool_)
 
@@ -125,35 +130,38 @@ class PoseContact:
         boxes_met(p, contact.free, self._low, self._high, self._met)
         for number, met in enumerate(self._met.tolist()):
             if met:
-                bone, levels = contact.bones[number], contact.levels(number)
-                seen = self._seen.get(number) or self._first_look(number)
-                wanted, more = contact.free, (levels, contact.clearance, moved, self._work)
-                while _keep_out(*seen, p, wanted, self._waiting, *more):
-                    bone.fill(seen[0])
+                seen, wanted = self._seen.get(number) or self._first_look(number), contact.free
+                while _keep_out(*seen, p, wanted, self._waiting, moved, self._work):
+                    contact.bones[number].fill(seen[0])
                     wanted = self._waiting.copy()
         return moved
 
-    def _first_look(self, number: int) -> tuple[Field, Floats, Floats, Floats, Floats]:
-        """Return a bone's field, transforms to its axes and back, and memory for the look-ups of points."""
+    def _first_look(self, number: int) -> Seen:
+        """Return the look-ups of a bone at the start of a pose."""
         contact, bone = self._contact, self._contact.bones[number]
         transform = np.array(self._transforms[contact.boxes.indices[number]])
         transform[:3, 3] -= self._centre
         back, n = transform @ inverse(bone.axes), len(contact.rest)
-        field = bone.look_up(contact.clearance)
-        self._seen[number] = field, inverse(back), back, np.zeros((n, 3)), np.zeros(n)
+        field, last = bone.look_up(contact.clearance), contact.seen.get(number)
+        if last is None:
+            levels, seen_at, squares = contact.levels(number), np.zeros((n, 3)), np.zeros(n)
+        else:
+            levels, seen_at = last[3], apply_transform(back @ last[1], last[4])
+            # A cell is far more than the rounding of a table of transforms.
+            squares = np.maximum(np.sqrt(last[5]) - bone.cell, 0.0) ** 2
+        self._seen[number] = contact.seen[number] = field, inverse(back), back, levels, seen_at, squares
         return self._seen[number]
 
 
 @kernel
 def _keep_out(
-    field: Field, to_axes: Floats, back: Floats, seen_at: Floats, squares: Floats, p: Floats, wanted: Bools,
-    waiting: Bools, levels: Floats, clearance: float, moved: Bools, work: Floats,
+    field: Field, to_axes: Floats, back: Floats, levels: Floats, seen_at: Floats, squares: Floats, p: Floats,
+    wanted: Bools, waiting: Bools, moved: Bools, work: Floats,
 ) -> bool:  # fmt: skip
     """Do the work of :meth:`PoseContact.keep_out` for a bone; return whether points wait for nodes.
 
-    seen_at, squares : (n, 3), (n,), position of a point's look-up, and the square of the distance that the
-    point may go from there;  wanted : (n,), points to look up;  waiting : (n,), written: points with unknown
-    nodes;  work : (2, 3), memory.
+    field to squares : see :data:`Seen`;  wanted : (n,), points to look up;  waiting : (n,), written: points
+    with unknown nodes;  work : (2, 3), memory.
     """
     at, normal = work[0], work[1]
     for i in range(len(p)):
@@ -163,18 +171,21 @@ def _keep_out(
         x, y, z = p[i, 0] - seen_at[i, 0], p[i, 1] - seen_at[i, 1], p[i, 2] - seen_at[i, 2]
         if x * x + y * y + z * z < squares[i]:
             continue
-        before = field.lacking[0]
+        before, level = field.lacking[0], levels[i]
         transform_point(to_axes, p, i, at)
-        distance = least_distance_at(field, at[0], at[1], at[2], clearance)
-        if distance <= clearance:
-            distance = distance_at(field, at[0], at[1], at[2])
-        deep = levels[i] - distance > TOLERANCE * field.cell  # not where it is unknown, NaN
+        # A bound falls no faster than the way.
+        distance, steepest = least_distance_at(field, at[0], at[1], at[2], max(level, 0.0), APART), 1.0
+        if distance <= level:
+            distance = least_distance_at(field, at[0], at[1], at[2], max(level, 0.0))
+        if distance <= level:
+            distance, steepest = distance_at(field, at[0], at[1], at[2]), STEEPEST
+        deep = level - distance > TOLERANCE * field.cell  # not where it is unknown, NaN
         if deep:
-            _push_out(field, at, levels[i], normal)
+            _push_out(field, at, level, normal)
         waiting[i] = field.lacking[0] > before
         if waiting[i]:
             continue
-        room = max(distance - clearance, 0.0) / STEEPEST
+        room = max(distance - level, 0.0) / steepest
         squares[i] = room * room
         for k in range(3):
             seen_at[i, k] = p[i, k]

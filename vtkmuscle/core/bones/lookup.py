@@ -79,18 +79,18 @@ def distance_at(field: Field, x: float, y: float, z: float) -> float:
 
 
 @lane
-def least_distance_at(field: Field, x: float, y: float, z: float, enough: float) -> float:
+def least_distance_at(field: Field, x: float, y: float, z: float, enough: float, span: int = COARSE) -> float:
     """Return a lower bound of a position's trilinear distance [mm], NaN where unknown and beyond the lattice.
 
     The bound is the distance from the bone's box where that is beyond `enough`, or follows from the nearest
-    coarse node: no distance grows faster than the way.
+    node of every `span`-th: no distance grows faster than the way.
     """
     least = math.sqrt(distance2_to_box(field.box, x, y, z)) - FIELD_ERROR * field.cell
     if least > enough:
         return least
     u, v, w = _in_cells(field, x, y, z)
-    a, b, c = np.floor(u / COARSE + 0.5), np.floor(v / COARSE + 0.5), np.floor(w / COARSE + 0.5)
-    a, b, c = COARSE * a, COARSE * b, COARSE * c
+    a, b, c = np.floor(u / span + 0.5), np.floor(v / span + 0.5), np.floor(w / span + 0.5)
+    a, b, c = span * a, span * b, span * c
     if not _holds(field, a, b, c, 0):
         return np.nan
     i, j, k = np.int64(a), np.int64(b), np.int64(c)

@@ -361,17 +361,15 @@ class MuscleContact:
     """
 
     def __init__(self, neighbours: Sequence[Neighbour], free: Bools, centre: Floats) -> None:
-        self._neighbours, self._free, self._centre = neighbours, free, centre
-        # Of each neighbour: the planes of all points, the points then, and the squared displacement until
-        # the next test.
-        self._nearest, self._normal, self._seen_from = np.zeros((3, len(neighbours), len(free), 3))
-        self._valid_for = np.full((len(neighbours), len(free)), -1.0)
+        self._free, self._centre = free, centre
+        # Each neighbour, the planes of all points (two arrays), the points then, and the squared displacement
+        # until the next test.
+        self._planes = [(near, *np.zeros((3, len(free), 3)), np.full(len(free), -1.0)) for near in neighbours]
 
     def keep_out(self, p: Floats) -> Bools:
         """Move positions out of the neighbours, in place. Positions (n, 3); returns the moved points (n,)."""
         hit = np.zeros(len(p), dtype=np.bool_)
-        planes = self._neighbours, self._nearest, self._normal, self._seen_from, self._valid_for
-        for (tree, allowance), nearest, normal, seen_from, valid_for in zip(*planes, strict=True):
+        for (tree, allowance), nearest, normal, seen_from, valid_for in self._planes:
             low, high = tree.boxes[0, :3] - self._centre, tree.boxes[0, 3:] - self._centre
             boxed = np.flatnonzero(self._free & ((p >= low) & (p <= high)).all(axis=1))
             moved = p[boxed] - seen_from[boxed]

@@ -121,11 +121,11 @@ class MotionTwists:
     def at(self, time: float) -> dict[str, dict[str, Floats]]:
         """Return each bone's twist (6,) by each coordinate. If known at a time."""
         times, result = self._times, {}
-        after = int(np.clip(np.searchsorted(times, time), 0, len(times) - 1))
+        after = min(int(times.searchsorted(time)), len(times) - 1)
         before = after if times[after] <= time or after == 0 else after - 1
         part = float((time - times[before]) / (times[after] - times[before])) if before < after else 0.0
         for name, (frames, twists) in self._twists.items():
-            a, b = np.searchsorted(frames, [before, after]).tolist()
+            a, b = frames.searchsorted([before, after]).tolist()
             if b < len(frames) and frames[a] == before and frames[b] == after:
                 result[name] = {bone: (1.0 - part) * t[a] + part * t[b] for bone, t in twists.items()}
         return result

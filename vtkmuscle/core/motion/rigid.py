@@ -22,10 +22,9 @@ def turns(axis: Floats, angles: Floats) -> Floats:
 
 def inverses(transforms: Floats) -> Floats:
     """Return the inverses of rigid transforms (f, 4, 4)."""
-    result = np.zeros((len(transforms), 4, 4))
-    result[:, 3, 3] = 1.0
-    turns_back = transforms[:, :3, :3].swapaxes(1, 2)
-    result[:, :3, :3], result[:, :3, 3:] = turns_back, -(turns_back @ transforms[:, :3, 3:])
+    result = np.array(transforms.swapaxes(1, 2), dtype=np.float64, order="C")
+    result[:, :3, 3:] = -(transforms[:, :3, :3].swapaxes(1, 2) @ transforms[:, :3, 3:])
+    result[:, 3, :3] = 0.0
     return result
 
 
@@ -43,12 +42,24 @@ SIX_DIGITS = 1e-5
 
 def are_rigid(transforms: Floats) -> Bools:
     """Return which transforms (..., 4, 4) are finite rotations and translations, without scale or mirror."""
-    rotations, last = transforms[..., :3, :3], transforms[..., 3, :]
-    with np.errstate(over="ignore", invalid="ignore"):  # numbers that are not finite
-        off = np.abs(rotations.swapaxes(-1, -2) @ rotations - np.eye(3)).max(axis=(-1, -2))
-        proper = (off <= SIX_DIGITS) & (np.linalg.det(rotations) > 0.0)
-    finite = np.isfinite(transforms).all(axis=(-1, -2))
-    return np.asarray(proper & finite & (last == [0.0, 0.0, 0.0, 1.0]).all(axis=-1))
+    rigid = np.empty(transforms.shape[:-2], dtype=np.bool_)
+    _find_rigid(np.array(transforms, dtype=np.float64).reshape(-1, 4, 4), rigid.reshape(-1))
+    return rigid
+
+
+@kernel
+def _find_rigid(transforms: Floats, rigid: Bools) -> None:
+    for f in range(len(transforms)):
+        m = transforms[f]
+        rigid[f] = m[3, 0] == m[3, 1] == m[3, 2] == 0.0 and m[3, 3] == 1.0
+        volume = 0.0
+        for i in range(3):
+            j, h = (i + 1) % 3, (i + 2) % 3
+            volume += m[0, i] * (m[1, j] * m[2, h] - m[1, h] * m[2, j])
+            for k in range(3):
+                off = m[0, i] * m[0, k] + m[1, i] * m[1, k] + m[2, i] * m[2, k] - (1.0 if i == k else 0.0)
+                rigid[f] &= abs(off) <= SIX_DIGITS and abs(m[i, 3]) < np.inf
+        rigid[f] &= volume > 0.0
 
 
 def apply_transform(transform: Floats, points: Floats) -> Floats:
@@ -153,8 +164,8 @@ class RigidMotion:
 
     def at(self, time: float) -> dict[str, Floats]:
         """Return each moving bone's transform (4, 4) at a time. Beyond the table, the end row counts."""
-        time = float(np.clip(time, self.times[0], self.times[-1]))
-        upper = int(np.searchsorted(self.times, time))
+        time = min(max(time, float(self.times[0])), float(self.times[-1]))
+        upper = int(self.times.searchsorted(time))
         if self.times[upper] == time:
             return {bone: table[upper] for bone, table in self.transforms.items()}
         ends = slice(upper - 1, upper + 1)

@@ -12,7 +12,6 @@ from scipy.spatial import cKDTree
 from vtkmuscle.core.jit import vector_kernel
 from vtkmuscle.core.mesh.harmonic import cotangent_laplacian
 from vtkmuscle.core.motion.blending import nearest_rotations
-from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.pbd.solver import Near, PBDSolver, State
 from vtkmuscle.core.skinning.skinning import falling_weights
 from vtkmuscle.core.types import Floats, Ints, Progress, quiet
@@ -103,12 +102,9 @@ class TwoLevels:
         shifts = coarse - np.einsum("cij,cj->ci", turns, self._coarse)
         motions = np.hstack([turns.reshape(-1, 9), shifts])
         _carry(motions, self._carriers, self._parts, rest, carried)
-        residual = np.empty((len(self._fixed), 3))
-        for bone in np.unique(self._fixed_to):
-            mine = self._fixed_to == bone
-            ids = self._fixed[mine]
-            residual[mine] = apply_transform(transforms[bone], rest[ids]) - carried[ids]
-        _take_along(self._along, self._nearest, self._near, residual, carried)
+        now, fixed = transforms[self._fixed_to], self._fixed
+        residual = (now[:, :3, :3] @ rest[fixed, :, None])[:, :, 0] + now[:, :3, 3] - carried[fixed]
+        carried[self._along] += self._near[:, None] * residual[self._nearest]
         return carried
 
 
@@ -127,14 +123,6 @@ def _products(starts: Ints, others: Ints, arms: Floats, points: Floats, products
         m[0, 0], m[0, 1], m[0, 2] = a, b, c
         m[1, 0], m[1, 1], m[1, 2] = d, e, f
         m[2, 0], m[2, 1], m[2, 2] = g, h, i
-
-
-@vector_kernel
-def _take_along(points: Ints, nearest: Ints, parts: Floats, ways: Floats, carried: Floats) -> None:
-    """Move points along. By a part of the way of the nearest fixed point."""
-    for i, point in enumerate(points):
-        for axis in range(3):
-            carried[point, axis] += parts[i] * ways[nearest[i], axis]
 
 
 @vector_kernel

@@ -215,14 +215,13 @@ class PBDSolver:
         transforms = np.array(transforms, dtype=np.float64)
         if state.velocities is not None:
             return self._with_velocities(state, transforms, near, report)
-        parts = self._parts(state.transforms, transforms)
         before, x, bones = state.transforms, state.positions, [bone for bone, _ in self._fixed]
+        motions = transforms[bones] @ inverses(before[bones])
+        parts = _parts(motions)
+        motions = centred(screws_between(np.eye(4), motions, 1.0 / parts), self.centre)
         for part in range(1, parts + 1):
             now = screws_between(state.transforms, transforms, part / parts)
-            carried = x
-            if self._weights is not None:  # by the bones' blended motions
-                motions = centred(now[bones] @ inverses(before[bones]), self.centre)
-                carried = blend_motions(motions, self._weights, x)
+            carried = x if self._weights is None else blend_motions(motions, self._weights, x)
             p = self._with_fixed_points(carried, now)
 
             def part_done(done: float, part: int = part) -> None:
@@ -283,15 +282,6 @@ class PBDSolver:
             progress((iteration + 1) / settings.iterations)
         return met
 
-    def _parts(self, before: Floats, now: Floats) -> int:
-        """Return the number of parts of a step, by the greatest turn of two bones against each other."""
-        bones = [bone for bone, _ in self._fixed]
-        turns = (now[bones] @ inverses(before[bones]))[:, :3, :3]
-        # Of a turn by t, the squares of R - 1 sum to 8 sin^2 t/2; so do those of the difference of two turns.
-        squares = ((turns[1:] - turns[:1]) ** 2).sum(axis=(1, 2)).max(initial=0.0)
-        turn = 2.0 * math.degrees(math.asin(min(math.sqrt(squares / 8.0), 1.0)))
-        return max(1, math.ceil(turn / LARGEST_TURN - 1e-6))
-
     def _with_fixed_points(self, points: Floats, transforms: Floats) -> Floats:
         """Return points with the fixed points on their bones, and one more: (n + 1, 3)."""
         p = np.zeros((len(points) + 1, 3))
@@ -312,3 +302,15 @@ class PBDSolver:
             problem = "the muscle left the range of floating point numbers"
             raise InputError("", problem, "use a smaller external_force or dt, or the prediction 'bones'")
         return State(p + self.centre, transforms, int(held.sum()), np.array(p), velocities)
+
+
+def _parts(motions: Floats) -> int:
+    """Return the number of parts of a step.
+
+    The number is by the greatest turn of two bones against each other; motions (b, 4, 4) are of the bones.
+    """
+    turns = motions[:, :3, :3].reshape(-1, 9).tolist()
+    # Of a turn by t, the squares of R - 1 sum to 8 sin^2 t/2; so do those of the difference of two turns.
+    most = max((math.dist(turns[0], other) for other in turns[1:]), default=0.0)
+    turn = 2.0 * math.degrees(math.asin(min(most / math.sqrt(8.0), 1.0)))
+    return max(1, math.ceil(turn / LARGEST_TURN - 1e-6))

@@ -18,6 +18,8 @@ from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.base.running import show_error
 
 T = TypeVar("T")
+#: Called as ``_DATA.Get(info)``: for ``info.Get(_DATA)`` VTK first tries thirty signatures.
+_DATA = vtkDataObject.DATA_OBJECT()
 
 
 class AbortedError(Exception):
@@ -128,7 +130,8 @@ class Algorithm(VTKPythonAlgorithmBase):
     def ProcessRequest(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Answer a request of the executive; errors are kept for :meth:`update`."""
         try:
-            return int(super().ProcessRequest(request, inInfo, outInfo))
+            name = request.GetRequest().GetName().title().replace("_", "")  # RequestData of REQUEST_DATA
+            return int(getattr(type(self), name, lambda *_: 1)(self, request, inInfo, outInfo))
         except BaseException as error:  # VTK would print and lose it; update() raises it again
             self._failure = error
             if isinstance(error, AbortedError):
@@ -138,8 +141,7 @@ class Algorithm(VTKPythonAlgorithmBase):
                 info = outInfo.GetInformationObject(port)
                 # Otherwise VTK would accept the empty output at the next update.
                 info.Set(vtkDemandDrivenPipeline.DATA_NOT_GENERATED(), 1)
-                data = info.Get(vtkDataObject.DATA_OBJECT())
-                if data is not None:
+                if (data := _DATA.Get(info)) is not None:
                     data.ReleaseData()
             return 0
 
@@ -147,11 +149,11 @@ class Algorithm(VTKPythonAlgorithmBase):
         """Create outputs of the first input's class."""
         for number, port in enumerate(self.output_ports):
             if port.kind is vtkDataSet:
-                source = inInfo[0].GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT())
+                source = _DATA.Get(inInfo[0].GetInformationObject(0))
                 info = outInfo.GetInformationObject(number)
-                made = info.Get(vtkDataObject.DATA_OBJECT())
+                made = _DATA.Get(info)
                 if made is None or made.GetClassName() != source.GetClassName():
-                    info.Set(vtkDataObject.DATA_OBJECT(), source.NewInstance())
+                    _DATA.Set(info, source.NewInstance())
         return 1
 
     def RequestInformation(self, request: Any, inInfo: Any, outInfo: Any) -> int:
@@ -166,12 +168,12 @@ class Algorithm(VTKPythonAlgorithmBase):
         """Execute, and publish the result."""
         self._failure = None
         self._progress_reached = 0.0
-        asked = max(int(request.Get(vtkExecutive.FROM_OUTPUT_PORT())), 0)
+        asked = max(int(vtkExecutive.FROM_OUTPUT_PORT().Get(request)), 0)
         self.request_time = requested_time(outInfo.GetInformationObject(asked))
         # Filters without progress reports stop here after a request to abort.
         self.report_progress(0.0)
         # None for an open port.
-        inputs = [info and info.Get(vtkDataObject.DATA_OBJECT()) for info in _first_of_each(inInfo)]
+        inputs = [info and _DATA.Get(info) for info in _first_of_each(inInfo)]
         try:
             result = self.execute(*map(self._argument, range(len(inputs)), inputs))
         except InputError as error:
@@ -184,11 +186,11 @@ class Algorithm(VTKPythonAlgorithmBase):
         provenance = self.once("provenance", (self.GetMTime(), self.GetExecutive().GetPipelineMTime()), made)
         for port, data in enumerate(result if isinstance(result, tuple) else (result,)):
             if data is not None:  # None for an output that was not requested
-                output = outInfo.GetInformationObject(port).Get(vtkDataObject.DATA_OBJECT())
+                output = _DATA.Get(outInfo.GetInformationObject(port))
                 output.ShallowCopy(data)
                 output.GetFieldData().AddArray(provenance)
                 if self.request_time is not None:
-                    output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), self.request_time)
+                    vtkDataObject.DATA_TIME_STEP().Set(output.GetInformation(), self.request_time)
         return 1
 
     def _name(self, error: InputError) -> None:

@@ -107,8 +107,9 @@ class Filter(Runnable, Algorithm):
 
     def parameters_that_count(self) -> dict[str, Any]:
         """Return the parameters that affect the result."""
-        values, declared = self._parameter_values, self.parameter_declarations
-        return {name: value for name, value in values.items() if declared[name].counts_with(values)}
+        given, declared = self._parameter_values, self.parameter_declarations.items()
+        state = (self.GetMTime(),)
+        return self.once("used", state, lambda _: {n: given[n] for n, d in declared if d.counts_with(given)})
 
     def __reduce__(self) -> tuple[Any, ...]:
         return partial(type(self), **self.parameters()), ()
@@ -199,3 +200,4 @@ class Filter(Runnable, Algorithm):
             for index in range(self.GetNumberOfInputConnections(port))
         ]
         self._arguments.clear()
+        self._kept.pop("rest", None)  # a muscle at rest, which keeps the argument alive

@@ -24,14 +24,13 @@ def thin(frames: dict[Time, Any], steps: Sequence[float], path: Sequence[Time], 
     in order. Frames between steps go first, because no other frame depends on them. The last two frames of a
     path are kept, and not counted, so that playing on never restarts.
     """
-    last, nbytes = path[-2:], frames[path[-1]].nbytes
-    number: dict[Time, int] = {time: i for i, time in enumerate(steps)}
-    kept, stride = [time for time in frames if time not in last], 1
-    while len(kept) * nbytes > memory:
-        kept = [time for time in kept if nbytes <= memory and number.get(time, 0.5) % stride == 0]
+    last, nbytes, stride = path[-2:], frames[path[-1]].nbytes, 1
+    while len(others := frames.keys() - last) * nbytes > memory:
+        number: dict[Time, int] = {time: i for i, time in enumerate(steps)}
+        for time in others:
+            if nbytes > memory or number.get(time, 0.5) % stride:
+                del frames[time]
         stride *= 2
-    for time in set(frames) - {*kept, *last}:
-        del frames[time]
 
 
 class HistoryFilter(Filter, Generic[Frame]):
@@ -119,11 +118,12 @@ class HistoryFilter(Filter, Generic[Frame]):
             self._frames.clear()
             return 1
         self.request_time = requested_time(outInfo.GetInformationObject(0))
-        self._asked = (self.path[self._n_stored(self.path) :] or self.path[-1:])[0]
+        path = self.path
+        self._asked = (path[self._n_stored(path) :] or path[-1:])[0]
         for number in connected:
             request_time(inInfo[number].GetInformationObject(0), self._asked)
         return 1
 
     def _n_stored(self, path: Sequence[Time]) -> int:
         """Return the index after a path's last stored frame."""
-        return max((i + 1 for i, time in enumerate(path) if time in self._frames), default=0)
+        return next((i for i in range(len(path), 0, -1) if path[i - 1] in self._frames), 0)
