@@ -178,8 +178,7 @@ def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats]) -> V
     azimuths = np.radians(np.arange(0.0, 360.0, 15.0))
     areas = np.array([area(_direction(azimuth, 0.0)) for azimuth in azimuths])
     # Among nearly equal views, the middle view wins.
-    around = sum(np.roll(areas, shift) for shift in range(-3, 4))
-    azimuth = azimuths[np.argmax(areas * around)]
+    azimuth = azimuths[np.argmax(areas * sum(np.roll(areas, shift) for shift in range(-3, 4)))]
     # A view from above or below must show more, because it is harder to read.
     candidates = [_direction(azimuth, elevation) for elevation in np.radians([0.0, 20.0, -20.0])]
     areas = np.array([area(towards) * np.hypot(towards[0], towards[1]) for towards in candidates])

@@ -203,16 +203,14 @@ class Volume:
     def __init__(self, shape: RestShape, free: Bools) -> None:
         self._triangles, self._rest = shape.topology.triangles, shape.volume
         self._mass: Floats = free.astype(np.float64)
-        areas = np.linalg.norm(shape.volume_gradient, axis=1)
-        self._floor = VOLUME_FLOOR * float(self._mass @ areas**2)
+        self._floor = VOLUME_FLOOR * float(self._mass @ np.linalg.norm(shape.volume_gradient, axis=1) ** 2)
         self._gradient: Floats = np.empty_like(shape.points)
 
     def restore(self, points: Floats, held: Bools | None = None) -> float:
         """Move points to the rest volume. Held points stay; return the relative error before."""
         mass = self._mass if held is None else np.where(held, 0.0, self._mass)
         rest = self._triangles, self._rest, 1.0, self._floor
-        volume = project_volume(points, mass, mass, *rest, self._gradient)
-        return abs(volume / self._rest - 1.0)
+        return abs(project_volume(points, mass, mass, *rest, self._gradient) / self._rest - 1.0)
 
     def finish(self, points: Floats, keep_out: Callable[[Floats], Bools]) -> Bools:
         """Take points out of the bones. Others give back the volume; return the held points."""

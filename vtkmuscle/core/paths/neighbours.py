@@ -148,8 +148,7 @@ def _add_steps(points: Floats, lengths: Floats) -> None:
 
 def path_widths(points: Floats, lengths: Floats) -> Floats:
     """Return paths' relative widths. The volume is constant, and ``lengths`` (f,) are at rest."""
-    stretch = path_lengths(points) / lengths
-    return np.asarray(1.0 / np.sqrt(stretch.clip(LEAST_STRETCH, GREATEST_STRETCH)))
+    return np.asarray(1.0 / np.sqrt((path_lengths(points) / lengths).clip(LEAST_STRETCH, GREATEST_STRETCH)))
 
 
 def widening(points: Floats, lengths: Floats) -> Floats:

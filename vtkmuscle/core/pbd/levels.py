@@ -101,8 +101,7 @@ class TwoLevels:
         _products(*self._rings, coarse, products)
         turns, carried = nearest_rotations(products), np.empty_like(rest)
         shifts = coarse - np.einsum("cij,cj->ci", turns, self._coarse)
-        motions = np.hstack([turns.reshape(-1, 9), shifts])
-        _carry(motions, self._carriers, self._parts, rest, carried)
+        _carry(np.hstack([turns.reshape(-1, 9), shifts]), self._carriers, self._parts, rest, carried)
         residual = np.empty((len(self._fixed), 3))
         for bone in np.unique(self._fixed_to):
             mine = self._fixed_to == bone
