@@ -212,11 +212,11 @@ def test_ctrl_c_while_libraries_are_loaded_is_one_line(module, scene_file, tmp_p
 def test_the_demo_writes_a_scene_that_can_be_run_again(tmp_path, monkeypatch):
     # A smaller phantom than the hip.
     monkeypatch.setattr(vtkmuscle.phantoms, "hip", lambda **_: vtkmuscle.phantoms.spindle_over_hinge())
-    done = vtkmuscle_("demo", "--out", tmp_path / "demo", "--frames", "0:2", "--no-figures")
+    done = vtkmuscle_("demo", "--out", tmp_path / "my demo", "--frames", "0:2", "--no-figures")
     assert done.exit_code == 0
-    path = tmp_path / "demo/scene/scene.toml"
-    assert f"vtkmuscle run {path}" in done.stdout
-    report = json.loads((tmp_path / "demo/report.json").read_text())
+    path = tmp_path / "my demo/scene/scene.toml"
+    assert f"vtkmuscle run '{path}'" in done.stdout
+    report = json.loads((tmp_path / "my demo/report.json").read_text())
     assert report["complete"] is True
     again = vtkmuscle.Scene.load(path).run(frames="0:2", figures=False)
     for name, muscle in again.report["muscles"].items():
