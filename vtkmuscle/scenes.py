@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from vtkmuscle.phantoms.phantom import Phantom
 
 #: Fields of a scene that are no settings.
-_CONTENT = ("name", "bones", "muscles", "motion", "files")
+_CONTENT = ("name", "bones", "muscles", "motion", "joints", "files")
 #: Fields of a scene that are settings.
 _OWN = [each.name for each in fields(SceneData) if each.name not in _CONTENT]
 #: Parameters of the paths among the settings: ``resolution`` alone is of the fibres.
@@ -81,6 +81,8 @@ class Scene(SceneData, ByName):
         Frame of the surfaces, ``"LPS"`` or ``"RAS"``.
     guessed : mapping of str to float
         Confidence, 0 to 1, of guesses by the dotted keys of joints and units, until confirmed.
+    joints : mapping of str to sequence of str
+        Coordinates of the joints in the scene's file, to which guesses about a joint belong.
     files : mapping of str to Path
         Source file of the value of a dotted key; ``""`` is the scene's own file.
 

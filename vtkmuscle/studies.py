@@ -95,7 +95,7 @@ def cohort(
     >>> table["subject"]
     array(['anna', 'ben'], dtype='<U4')
     """
-    every = [scenes] if isinstance(scenes, str | PathLike) else scenes
+    every = [scenes] if isinstance(scenes, Scene | str | PathLike) else scenes
     names = [one.name if isinstance(one, Scene) else str(one) for one in every]
     listed = scenes.values() if isinstance(scenes, Mapping) else every
     labelled = [({"subject": name}, scene) for name, scene in zip(names, listed, strict=True)]
@@ -228,8 +228,7 @@ def _rows(scene: Any, out: Path | None, options: Mapping[str, Any]) -> tuple[lis
     """Return the rows of a scene's muscles, and kept warnings. A scene without a finished folder is run."""
     _warned.clear()
     try:
-        loaded = scene if isinstance(scene, Scene) else Scene.load(scene)
-        scene, options = loaded.chosen(**options)
+        scene, options = (scene if isinstance(scene, Scene) else Scene.load(scene)).chosen(**options)
         result = None if out is None or options.get("fresh") else _finished(scene, out, options)
         if result is None:
             result = scene.run(out, **options)
