@@ -64,6 +64,8 @@ def test_what_is_missing_or_too_much_is_said(spindle, mesh):
             mesh.muscle.fibres(**given)
     with pytest.raises(ValueError, match=r"array \(k, 3\)"):
         mesh.muscle.fibres(origin=[1.0, 2.0], insertion=ring)
+    with pytest.raises(AttributeError, match="did you mean 'fibres'"):
+        mesh.muscle.fibrs()
     with pytest.raises(TypeError, match="no_such"):
         mesh.muscle.deformed(spindle.bones, spindle.motion, attachments=areas, no_such=1)
 

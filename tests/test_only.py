@@ -75,7 +75,7 @@ def test_a_table_of_other_muscles_is_not_replaced(scene, tmp_path):
     two = replace(scene, muscles=dict.fromkeys(("first", "second"), scene.muscles["spindle"]))
     run_only(two.with_muscles("first"), "moment_arms", tmp_path, frames="0:2")
     with pytest.raises(InputError, match=r"arms.csv: the run would remove the finished results of first;"):
-        run_only(two.with_muscles("second"), "moment_arms", tmp_path, frames="0:2")
+        run_only(two.with_muscles(["second"]), "moment_arms", tmp_path, frames="0:2")
     both = run_only(two, "moment_arms", tmp_path, frames="0:2")
     assert set(both["muscle"]) == {"first", "second"}
 

@@ -245,15 +245,16 @@ class Scene(SceneData, ByName):
         muscles, times = listed(list(self.muscles)), f"{len(self.motion.times)} frames"
         return f"Scene({self.name!r}: {muscles}; bones {', '.join(self.bones)}; {times}; {self.units})"
 
-    def with_muscles(self, *names: str) -> Self:
+    def with_muscles(self, *names: str | Sequence[str]) -> Self:
         """Return the scene with selected muscles, in order. Unknown names raise a SceneError."""
-        if not names:
+        asked = [name for several in names for name in as_names(several)]
+        if not asked:
             raise SceneError("no muscle is named", "muscles", f"there are: {', '.join(self.muscles)}")
-        for name in names:
+        for name in asked:
             if name not in self.muscles:
                 remedy = suggestion(name, self.muscles)
                 raise SceneError(f"the scene has no muscle {name!r}", "muscles", remedy, self.files.get(""))
-        return replace(self, muscles={name: muscle for name, muscle in self.muscles.items() if name in names})
+        return replace(self, muscles={name: muscle for name, muscle in self.muscles.items() if name in asked})
 
     def with_settings(self, **settings: Any) -> Self:
         """Return the scene with changed settings.
