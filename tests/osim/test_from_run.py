@@ -11,7 +11,7 @@ from commands import vtkmuscle_
 from tiny_scene import HINGE, write_tiny_scene
 from two_joint_scene import save_strap, scene_with
 
-from vtkmuscle import InputError, Result, Scene, SceneError
+from vtkmuscle import InputError, Result, Scene, SceneError, hinge
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.core.paths.pose import SheetPose
@@ -212,6 +212,9 @@ def test_another_source_or_option_is_refused(ran, tmp_path):
         export(Scene.load(ran[0]), tmp_path / "strap.osim")
     with pytest.raises(TypeError, match="there is no option 'group'; did you mean 'groups'"):
         export(ran[1], tmp_path / "strap.osim", group=2)
+    turned = replace(Scene.load(ran[0]), motion=hinge("distal", (0, 0, 0), (1, 0, 0), [0, 5]))
+    with pytest.raises(InputError, match="the motion is not that of the results"):
+        export(replace(turned, deformer="none").run(frames="0:2"), tmp_path / "strap.osim")
 
 
 def test_further_poses_have_the_settings_of_the_results(ran, tmp_path, monkeypatch):

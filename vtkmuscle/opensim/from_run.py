@@ -234,6 +234,10 @@ def _run_of(source: Result | str | PathLike[str], options: RunOptions, named: se
     if table.mirror is not None:
         raise SceneError("mirrored scenes are not exported", "mirror", "export the other side", path)
     scene = Scene.load(path)
+    if result is not None:
+        own, run = (np.array([*each.motion.transforms.values()]) for each in (scene, result))
+        if own.shape != run.shape or not np.allclose(own, run):
+            raise InputError(path, "the motion is not that of the results", "run the scene again")
     if unknown := sorted(named - {*scene.muscles}):
         remedy = f"its muscles are {', '.join(scene.muscles)}"
         raise InputError("", f"the scene has no muscle {unknown[0]!r}", remedy)

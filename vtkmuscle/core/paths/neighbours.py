@@ -106,8 +106,7 @@ def _nearest_across(fibres: Floats, count: int, same: float) -> Ints:
         distance[~beside] = np.inf
         counted = np.where(distance > same, distance, np.inf)
         last = min(count, f) - 1
-        reach = np.partition(counted, last, axis=1)[:, last, None]
-        beside &= distance <= (1.0 + SAME) * reach
+        beside &= distance <= (1.0 + SAME) * np.partition(counted, last, axis=1)[:, last, None]
         found.append(np.column_stack([here[beside], numbers[beside]]))
     return np.unique(np.sort(np.concatenate(found), axis=1), axis=0)
 
