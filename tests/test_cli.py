@@ -149,6 +149,8 @@ def test_info_says_and_draws_what_it_understood_of_landmarks(tmp_path):
     assert "yes, 120 round" in said
     assert "A, B, C" in said
     assert (tmp_path / "origin.png").read_bytes().startswith(b"\x89PNG")
+    said = vtkmuscle_("info", tmp_path / "origin.csv", "--draw", tmp_path / "origin.jpg").stderr
+    assert "origin.jpg: unknown format of a picture; allowed: png, pdf, svg" in said
 
 
 def test_info_says_what_it_understood_of_a_motion(tmp_path):

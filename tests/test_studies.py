@@ -184,6 +184,8 @@ def test_settings_of_the_paths_are_varied(scene):
         (lambda scene: scene.run(progress=True), "progress is True, not a function"),
         (lambda scene: vtkmuscle.compare(scene.run(frames="0:1")), "no muscle is in two of the runs"),
         (vtkmuscle.vary, "no setting is varied"),
+        (lambda scene: vtkmuscle.vary(scene, frames=99, n_fibres=3), "frames 99: the motion has"),
+        (lambda scene: vtkmuscle.tradeoff(scene, frames=99), "frames 99: the motion has"),
         (lambda scene: vtkmuscle.vary(scene, workers=1, n_fibers=[3]), "n_fibers"),
         (lambda scene: vtkmuscle.vary(scene, workers=1, deformer=["path"]), "path"),
         (lambda scene: vtkmuscle.vary(scene, workers=1, n_paths=[3]), "n_paths: 3 is not allowed"),

@@ -97,5 +97,7 @@ def test_the_command_prints_the_table_and_the_cheapest_setting(tmp_path):
     bad = vtkmuscle_("tradeoff", scene, "--out", tmp_path / "bad", "--vary", "fibres")
     assert bad.exit_code == 2
     assert "--vary: 'fibres' is no pair" in bad.stderr
+    frames = vtkmuscle_("tradeoff", scene, "--out", tmp_path / "bad", "--vary", "frames=1,2")
+    assert (frames.exit_code, "'frames' is no setting of a scene" in frames.stderr) == (2, True)
     twice = vtkmuscle_("tradeoff", scene, "--out", tmp_path / "bad", *["--vary", "n_fibres=8"] * 2)
     assert "--vary: 'n_fibres' is given twice" in twice.stderr

@@ -238,8 +238,7 @@ class Scene(SceneData, ByName):
         return plotter.show() if show else plotter
 
     def _repr_html_(self) -> str:
-        picture = html_picture(lambda: self.plot(show=False, off_screen=True))
-        return f"<p>{escape(repr(self))}</p>{picture}"
+        return f"<p>{escape(repr(self))}</p>" + html_picture(lambda: self.plot(show=False, off_screen=True))
 
     def __repr__(self) -> str:
         muscles, times = listed(list(self.muscles)), f"{len(self.motion.times)} frames"

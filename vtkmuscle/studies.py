@@ -139,6 +139,7 @@ def vary(
     if not settings:
         raise InputError("", "no setting is varied", "give values: vary(scene, n_fibres=[50, 100])")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
+    frame_numbers(frames, len(scene.motion.times))  # a ValueError, not a row of each run
     labelled = [(values, scene.with_settings(**values)) for values in combinations(settings)]
     return run_labelled(labelled, out, client, workers, None, {"frames": frames})
 

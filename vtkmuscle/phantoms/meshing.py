@@ -51,8 +51,7 @@ def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tup
     falling = (np.add.outer(np.arange(len(z) - 1), np.arange(sides)) % 2)[..., None, None] == 0
     one = np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], axis=2)
     other = np.stack([np.stack([a, b, d], -1), np.stack([b, c, d], -1)], axis=2)
-    wall = np.where(falling, one, other).reshape(-1, 3)
-    points, triangles = [rings.reshape(-1, 3)], [wall]
+    points, triangles = [rings.reshape(-1, 3)], [np.where(falling, one, other).reshape(-1, 3)]
     disc, faces = _hexagonal_disc(sides // 6)
     for ring, border, step in ((0, number[0], -1), (-1, number[-1], 1)):
         inner = disc[:-sides]
