@@ -52,8 +52,7 @@ def test_the_cheapest_setting_within_an_error_is_named_and_none_is_an_error(meas
     best = found.cheapest(within=100.0)
     whole = found.table.where(muscle=ALL)
     assert best["ms"] == np.nanmin(whole["ms"])
-    fine = whole["moment_arm_rms_mm"][1]
-    assert found.cheapest(within=fine)["quality"] == "accurate"
+    assert found.cheapest(within=whole["moment_arm_rms_mm"][1])["quality"] == "accurate"
     with pytest.raises(ValueError, match="no setting has an error of 1e-12 mm or less; the least is"):
         found.cheapest(within=1e-12)
 

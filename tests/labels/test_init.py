@@ -21,17 +21,10 @@ METRES = 1e-3
 
 
 #: A joint of a drafted scene that no muscle crosses.
-KNEE = """
-[bones.shank]
-surface = "Femur R.vtp"
-[joints.knee]
-parent = "femur_right"
-child = "shank"
-type = "pin"
-centre = [0, 0, 0]
-axis = [1, 0, 0]
-coordinates = { knee_flexion = {} }
-"""
+KNEE = (
+    '[bones.shank]\nsurface = "Femur R.vtp"\n[joints.knee]\nparent = "femur_right"\nchild = "shank"\n'
+    'type = "pin"\ncentre = [0, 0, 0]\naxis = [1, 0, 0]\ncoordinates = { knee_flexion = {} }\n'
+)
 
 
 @pytest.fixture(autouse=True)

@@ -88,8 +88,7 @@ def test_more_groups_stand_for_the_fibres_better(ran, tmp_path):
 
 
 def test_points_and_cylinders_have_lengths_and_moment_arms(ran, tmp_path):
-    result = ran[1]
-    (muscle,) = export(result, tmp_path / "points.osim", form="points")
+    (muscle,) = export(ran[1], tmp_path / "points.osim", form="points")
     assert isinstance(muscle.out.path, PointPath)
     assert {point.body for point in muscle.out.path.points} == {"proximal", "middle", "distal"}
     assert rms(muscle.errors["length"]) < 0.7
@@ -245,8 +244,7 @@ def test_a_pose_in_which_paths_do_not_rest_is_left_out(ran, tmp_path, monkeypatc
     settle, calls = SheetPose.settle, count()
     monkeypatch.setattr(SheetPose, "settle", lambda *given: settle(*given) and next(calls) != 20)
     grid = {"grid": {"upper": [-10, 30, 5], "lower": [0, 40, 10]}}
-    scene = scene_with(ran[0].parent, tmp_path, motion=grid, deformer="none")
-    result = Scene.load(scene).run()
+    result = Scene.load(scene_with(ran[0].parent, tmp_path, motion=grid, deformer="none")).run()
     assert np.isnan(result.lengths["strap"]).all(axis=1).sum() == 1
     (muscle,) = export(result, tmp_path / "strap.osim", kind=GEOMETRY_ONLY)
     assert all(len(off) == 44 and np.isfinite(off).all() for off in muscle.errors.values())
