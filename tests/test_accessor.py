@@ -34,8 +34,7 @@ def test_methods_give_what_the_filters_give(spindle, mesh):
     assert np.array_equal(fixed["FixedTo"], FixedPointDetector().apply(mesh, bones, areas)["FixedTo"])
     fibres = mesh.muscle.fibres(attachments=areas, n_fibres=7)
     assert np.array_equal(fibres.points, points_of(decompose(mesh, areas, n_fibres=7).update().output))
-    lengths = FibreMetrics().apply(fibres)["Length"]
-    assert np.array_equal(fibres.muscle.fibre_lengths(), lengths)
+    assert np.array_equal(fibres.muscle.fibre_lengths(), FibreMetrics().apply(fibres)["Length"])
     chain = deform(mesh, bones, spindle.motion, areas, fibres=fibres, iterations=2)
     for moved in (mesh, fixed):
         given = {"attachments": areas} if moved is mesh else {}
@@ -64,6 +63,8 @@ def test_what_is_missing_or_too_much_is_said(spindle, mesh):
             mesh.muscle.fibres(**given)
     with pytest.raises(ValueError, match=r"array \(k, 3\)"):
         mesh.muscle.fibres(origin=[1.0, 2.0], insertion=ring)
+    with pytest.raises(AttributeError, match="did you mean 'fibres'"):
+        mesh.muscle.fibrs()
     with pytest.raises(TypeError, match="no_such"):
         mesh.muscle.deformed(spindle.bones, spindle.motion, attachments=areas, no_such=1)
 

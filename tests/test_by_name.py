@@ -93,7 +93,7 @@ def test_cells_of_notebooks_show_tables_and_pictures(scene, result):
 
 
 @pytest.mark.optional
-def test_an_xarray_has_the_numbers_of_the_tables(result):
+def test_an_xarray_has_the_numbers_of_the_tables(scene, result):
     pytest.importorskip("xarray")
     data = result.to_xarray().sel(muscle="spindle")
     assert np.array_equal(data["time"], result.times)
@@ -104,3 +104,4 @@ def test_an_xarray_has_the_numbers_of_the_tables(result):
     arms = data["moment_arm_mm"].sel(coordinate="distal_angle").transpose("frame", "fibre")
     assert np.array_equal(arms, result["spindle"].moment_arms["distal_angle"].arms)
     assert np.array_equal(arms["frame"], result.frames)
+    assert np.isnan(scene.run(frames="0:2", deformer="pbd").to_xarray()["length_mm"]).all()

@@ -149,6 +149,8 @@ def test_info_says_and_draws_what_it_understood_of_landmarks(tmp_path):
     assert "yes, 120 round" in said
     assert "A, B, C" in said
     assert (tmp_path / "origin.png").read_bytes().startswith(b"\x89PNG")
+    said = vtkmuscle_("info", tmp_path / "origin.csv", "--draw", tmp_path / "origin.jpg").stderr
+    assert "origin.jpg: unknown format of a picture; allowed: png, pdf, svg" in said
 
 
 def test_info_says_what_it_understood_of_a_motion(tmp_path):
@@ -212,11 +214,11 @@ def test_ctrl_c_while_libraries_are_loaded_is_one_line(module, scene_file, tmp_p
 def test_the_demo_writes_a_scene_that_can_be_run_again(tmp_path, monkeypatch):
     # A smaller phantom than the hip.
     monkeypatch.setattr(vtkmuscle.phantoms, "hip", lambda **_: vtkmuscle.phantoms.spindle_over_hinge())
-    done = vtkmuscle_("demo", "--out", tmp_path / "demo", "--frames", "0:2", "--no-figures")
+    done = vtkmuscle_("demo", "--out", tmp_path / "my demo", "--frames", "0:2", "--no-figures")
     assert done.exit_code == 0
-    path = tmp_path / "demo/scene/scene.toml"
-    assert f"vtkmuscle run {path}" in done.stdout
-    report = json.loads((tmp_path / "demo/report.json").read_text())
+    path = tmp_path / "my demo/scene/scene.toml"
+    assert f"vtkmuscle run '{path}'" in done.stdout
+    report = json.loads((tmp_path / "my demo/report.json").read_text())
     assert report["complete"] is True
     again = vtkmuscle.Scene.load(path).run(frames="0:2", figures=False)
     for name, muscle in again.report["muscles"].items():

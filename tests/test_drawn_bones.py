@@ -66,8 +66,7 @@ def test_only_what_is_closed_and_faces_outward_is_solid(ball, change, solid):
 
 def test_points_are_spread_over_bones_evenly_and_move_with_them(ball):
     bones = DrawnBones(multiblock_from({"still": ball, "moved": ellipsoid((30, 30, 30), (200, 0, 0), 30)}))
-    turn = rotation_about((0, 10, 0), (0, 0, 1), 90.0)
-    still, moved = np.split(bones.spread({"moved": turn}), 2)
+    still, moved = np.split(bones.spread({"moved": rotation_about((0, 10, 0), (0, 0, 1), 90.0)}), 2)
     for points, centre in ((still, (0, 0, 0)), (moved, (10, 210, 0))):
         np.testing.assert_allclose(np.linalg.norm(points - centre, axis=1), 30.0, atol=0.5)
         assert np.abs((points - centre).mean(axis=0)).max() < 1.0

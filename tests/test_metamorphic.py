@@ -49,8 +49,7 @@ def in_radians(motion, bone, table):
 
 
 def with_a_gap(motion, bone, table):
-    kept = [0, 1, 2, 3, 9, 10]
-    motion = replace(motion, coordinates={}).part(kept)
+    motion = replace(motion, coordinates={}).part([0, 1, 2, 3, 9, 10])
     return replace(motion, transforms={bone: np.delete(table, slice(4, 9), axis=0)})
 
 
@@ -156,8 +155,7 @@ def subdivided(surface):
 
 
 def reordered(scene):
-    bones = dict(reversed(scene.bones.items()))
-    return replace(scene, bones=bones)
+    return replace(scene, bones=dict(reversed(scene.bones.items())))
 
 
 TRANSFORMATIONS = {

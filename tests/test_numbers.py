@@ -14,8 +14,7 @@ FRAMES = "0:3:2"
 
 @pytest.fixture(scope="module")
 def scene():
-    whole = Scene.from_phantom(phantoms.hip(), n_fibres=9)
-    return whole.with_muscles("gluteus_medius", "iliacus")
+    return Scene.from_phantom(phantoms.hip(), n_fibres=9).with_muscles("gluteus_medius", "iliacus")
 
 
 def numbers(scene, frames=FRAMES, workers=1):

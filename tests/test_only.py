@@ -70,6 +70,16 @@ def test_a_run_replaces_a_single_output_and_is_not_replaced_by_a_single_output(s
         run_only(scene, "moment_arms", tmp_path, frames="0:1")
 
 
+def test_a_table_of_other_muscles_is_not_replaced(scene, tmp_path):
+    """The moment arms of the first muscle were lost in silence."""
+    two = replace(scene, muscles=dict.fromkeys(("first", "second"), scene.muscles["spindle"]))
+    run_only(two.with_muscles("first"), "moment_arms", tmp_path, frames="0:2")
+    with pytest.raises(InputError, match=r"arms.csv: the run would remove the finished results of first;"):
+        run_only(two.with_muscles(["second"]), "moment_arms", tmp_path, frames="0:2")
+    both = run_only(two, "moment_arms", tmp_path, frames="0:2")
+    assert set(both["muscle"]) == {"first", "second"}
+
+
 @pytest.mark.parametrize("what", ONLY)
 def test_a_file_of_the_users_is_not_replaced(scene, what, tmp_path):
     file = tmp_path / ("spindle.pvd" if what == "surfaces" else f"{what}.csv")

@@ -119,6 +119,15 @@ def test_a_fibre_that_shortens_is_blue_and_one_that_lengthens_is_not(renders):
     assert blue_pixels(longer, by=20) == 0
 
 
+def test_fibres_are_seen_in_small_pictures(renders):
+    """VTK gives fibres thinner than a pixel no normals: they were not drawn, with errors of shaders."""
+    muscle, bones, fibres = spindle(), two_bones(), straight_fibres()
+    view, options = choose_view([muscle], [bones]), {"colours": coloured(-9.0, -9.0)}
+    with Studio(1.0 / 16.0) as studio:
+        actors = actors_of([muscle], view, fibres=fibres, **options, finer=studio.finer)
+        assert blue_pixels(studio.picture(actors, view).astype(int), by=20) > 20
+
+
 def test_a_picture_of_a_studio_is_that_of_a_plotter(renders):
     """Two ways to light and to smooth edges, one scene."""
     muscle, bones, fibres = spindle(), two_bones(), straight_fibres()

@@ -114,8 +114,7 @@ def test_a_stop_ends_all_processes_and_keeps_the_muscles_that_are_finished(scene
     assert not list(tmp_path.rglob(".*"))
     finished = {path.stem for path in (tmp_path / "finished").glob("*.json")}
     assert finished
-    again = scene.run(tmp_path, figures=False, report=False)
-    assert set(again.report["taken_over"]) == finished
+    assert set(scene.run(tmp_path, figures=False, report=False).report["taken_over"]) == finished
 
 
 def wait_for_end(processes):

@@ -374,12 +374,14 @@ def test_faults_outside_the_keys_name_the_file(tmp_path, scene_file):
     assert "save it as UTF-8" in str(failure(tmp_path / "latin.toml"))
 
 
-def test_a_muscle_that_would_overwrite_anothers_fibres_is_refused(scene_file):
+@pytest.mark.parametrize(("name", "key"), [("spindle_fibres", "spindle_fibres"), ("Spindle", "spindle")])
+def test_a_muscle_that_would_overwrite_anothers_files_is_refused(scene_file, name, key):
+    """Not every system tells capitals from small letters."""
     text = scene_file.read_text()
     start = text.index("[muscles.spindle]")
     block = text[start : text.index("[solver]")]
-    scene_file.write_text(text.replace(block, block + block.replace("spindle]", "spindle_fibres]")))
-    assert failure(scene_file).key == "muscles.spindle_fibres"
+    scene_file.write_text(text.replace(block, block + block.replace("spindle]", f"{name}]")))
+    assert failure(scene_file).key == f"muscles.{key}"
 
 
 def moved(points, triangles):

@@ -147,8 +147,7 @@ def test_without_a_coordinate_nothing_is_written_and_what_was_there_goes(scene, 
 
 
 def test_a_single_frame_has_moment_arms_where_the_joint_is_known(scene, result, tmp_path):
-    one = scene.run(tmp_path, frames="3:4", figures=False)
-    found = one.moment_arms()["spindle"]["knee"]
+    found = scene.run(tmp_path, frames="3:4", figures=False).moment_arms()["spindle"]["knee"]
     np.testing.assert_allclose(found.arms, result.moment_arms()["spindle"]["knee"].arms[3:4], atol=0.05)
     (row,) = table(tmp_path / "moment_arms_summary.csv")
     assert row["slope_mean_mm"] == row["quartic_mean_mm"] == ""

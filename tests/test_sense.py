@@ -45,8 +45,7 @@ def bones(scene, **changes):
 
 
 def moved(surface, change):
-    points = points_of(surface).copy()
-    return with_points(surface, change(points))
+    return with_points(surface, change(points_of(surface).copy()))
 
 
 def one_point(value):

@@ -181,7 +181,11 @@ def test_settings_of_the_paths_are_varied(scene):
         (lambda scene: vtkmuscle.cohort({}), "there are none"),
         (lambda scene: vtkmuscle.cohort(["a.toml", "a.toml"]), "two have the same name, 'a.toml'"),
         (lambda scene: vtkmuscle.cohort({"anna": scene}, workers=0), "workers is 0"),
+        (lambda scene: scene.run(progress=True), "progress is True, not a function"),
+        (lambda scene: vtkmuscle.compare(scene.run(frames="0:1")), "no muscle is in two of the runs"),
         (vtkmuscle.vary, "no setting is varied"),
+        (lambda scene: vtkmuscle.vary(scene, frames=99, n_fibres=3), "frames 99: the motion has"),
+        (lambda scene: vtkmuscle.tradeoff(scene, frames=99), "frames 99: the motion has"),
         (lambda scene: vtkmuscle.vary(scene, workers=1, n_fibers=[3]), "n_fibers"),
         (lambda scene: vtkmuscle.vary(scene, workers=1, deformer=["path"]), "path"),
         (lambda scene: vtkmuscle.vary(scene, workers=1, n_paths=[3]), "n_paths: 3 is not allowed"),
@@ -259,6 +263,6 @@ def test_a_scene_with_joints_is_run_as_it_is(tmp_path, motion):
     file = scene_with(tmp_path / "strap", tmp_path, motion=motion, deformer="none")
     (file.parent / "walk.mot").write_text("w\ninDegrees=yes\nendheader\ntime upper lower\n0 0 0\n1 5 9\n")
     scene = Scene.load(file)
-    of_file, of_scene = vtkmuscle.cohort([file], workers=1), vtkmuscle.cohort([scene], workers=1)
+    of_file, of_scene = vtkmuscle.cohort([file], workers=1), vtkmuscle.cohort(scene, workers=1)
     assert of_scene["moment_arm_upper_mm"].tolist() == of_file["moment_arm_upper_mm"].tolist()
     assert len(Scene.load(scene.save(tmp_path / "saved")).motion.times) == 2

@@ -52,8 +52,7 @@ def test_the_cheapest_setting_within_an_error_is_named_and_none_is_an_error(meas
     best = found.cheapest(within=100.0)
     whole = found.table.where(muscle=ALL)
     assert best["ms"] == np.nanmin(whole["ms"])
-    fine = whole["moment_arm_rms_mm"][1]
-    assert found.cheapest(within=fine)["quality"] == "accurate"
+    assert found.cheapest(within=whole["moment_arm_rms_mm"][1])["quality"] == "accurate"
     with pytest.raises(ValueError, match="no setting has an error of 1e-12 mm or less; the least is"):
         found.cheapest(within=1e-12)
 
@@ -97,5 +96,7 @@ def test_the_command_prints_the_table_and_the_cheapest_setting(tmp_path):
     bad = vtkmuscle_("tradeoff", scene, "--out", tmp_path / "bad", "--vary", "fibres")
     assert bad.exit_code == 2
     assert "--vary: 'fibres' is no pair" in bad.stderr
+    frames = vtkmuscle_("tradeoff", scene, "--out", tmp_path / "bad", "--vary", "frames=1,2")
+    assert (frames.exit_code, "'frames' is no setting of a scene" in frames.stderr) == (2, True)
     twice = vtkmuscle_("tradeoff", scene, "--out", tmp_path / "bad", *["--vary", "n_fibres=8"] * 2)
     assert "--vary: 'n_fibres' is given twice" in twice.stderr

@@ -298,8 +298,7 @@ def test_an_edge_that_folds_back_counts_and_one_that_was_folded_does_not():
     assert measure.n_edges == len(unique_edges(triangles_of(ball(), "ball")))
     side = int(points[:, 0].argmax())
     points[side, 1] += 12.0  # slides over its neighbours: the triangles between lie on theirs
-    folded = measured(points)[0]["folded_edges"]
-    assert folded >= 2
+    assert measured(points)[0]["folded_edges"] >= 2
     measure = MuscleMeasure(with_points(ball(), points), ["bone"], {}, 1.0)
     assert measure.frame(points, {})["folded_edges"] == 0
 

@@ -10,6 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
+from vtkmuscle.core.words import Remedies
 from vtkmuscle.data.arrays import Polylines, joined_triangles, polylines_from
 from vtkmuscle.data.attachments import AttachmentArea, landmarks_of
 from vtkmuscle.filters import FibreMetrics, FibreTubes, FixedPointDetector
@@ -18,7 +19,7 @@ from vtkmuscle.plotting.plotters import MovingScene
 
 
 @pyvista.register_dataset_accessor("muscle", pyvista.PolyData)
-class MuscleAccessor:
+class MuscleAccessor(Remedies):
     """Filters as methods of a muscle's mesh or fibres.
 
     Methods return new PyVista meshes, do not change the mesh, and raise the errors of the filters. Chains
@@ -92,7 +93,7 @@ class MuscleAccessor:
         fibres : vtkPolyData, optional
             Fibres at rest, for the paths.
         **solver
-            Parameters of :class:`~vtkmuscle.filters.PBDDeformer`.
+            Of :func:`vtkmuscle.pipelines.deform`: ``deformer``, and the parameters of the deformer.
         """
         fixing: Any = None if attachments is None and "FixedTo" in self._mesh.point_data else {}
         last = deform(self._mesh, bones, motion, attachments, fibres=fibres, fixing=fixing, **solver)

@@ -183,12 +183,10 @@ def compare(
 
 
 def _named(results: Sequence[Result | str | PathLike[str]]) -> dict[str, Result]:
-    if isinstance(results, str | PathLike):
-        results = [results]
     named: dict[str, Result] = {}
-    for run in results:
-        result = Result.load(run) if isinstance(run, str | PathLike) else run
-        name = Path(run).name if isinstance(run, str | PathLike) else run.name
+    for run in [results] if isinstance(results, Result | str | PathLike) else results:
+        result = run if isinstance(run, Result) else Result.load(run)
+        name = run.name if isinstance(run, Result) else Path(run).resolve().name
         number = sum(other == name or other.startswith(f"{name} (") for other in named)
         named[f"{name} ({number + 1})" if number else name] = result
     return named

@@ -130,8 +130,7 @@ def _download(url: str, folder: Path, name: str, sha256: str | None) -> None:
 
 def write_scene(downloads: Path, folder: Path) -> None:
     """Write the scene of the downloaded files: four muscles over flexion of the hip."""
-    pelvis = merged(map(_bone, sorted(downloads.glob("pelvis_*.vtk"))))
-    write_polydata(folder / "bones/pelvis.vtp", pelvis)
+    write_polydata(folder / "bones/pelvis.vtp", merged(map(_bone, sorted(downloads.glob("pelvis_*.vtk")))))
     write_polydata(folder / "bones/femur_r.vtp", _bone(downloads / "femur_r.vtk"))
     clouds = read_msf(downloads / "landmarks.nms")
     fibres, muscles = {"template": "parallel", "n_fibres": 100, "resolution": 15}, {}

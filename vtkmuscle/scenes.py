@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from vtkmuscle.phantoms.phantom import Phantom
 
 #: Fields of a scene that are no settings.
-_CONTENT = ("name", "bones", "muscles", "motion", "files")
+_CONTENT = ("name", "bones", "muscles", "motion", "joints", "files")
 #: Fields of a scene that are settings.
 _OWN = [each.name for each in fields(SceneData) if each.name not in _CONTENT]
 #: Parameters of the paths among the settings: ``resolution`` alone is of the fibres.
@@ -81,6 +81,8 @@ class Scene(SceneData, ByName):
         Frame of the surfaces, ``"LPS"`` or ``"RAS"``.
     guessed : mapping of str to float
         Confidence, 0 to 1, of guesses by the dotted keys of joints and units, until confirmed.
+    joints : mapping of str to sequence of str
+        Coordinates of the joints in the scene's file, to which guesses about a joint belong.
     files : mapping of str to Path
         Source file of the value of a dotted key; ``""`` is the scene's own file.
 
@@ -236,22 +238,22 @@ class Scene(SceneData, ByName):
         return plotter.show() if show else plotter
 
     def _repr_html_(self) -> str:
-        picture = html_picture(lambda: self.plot(show=False, off_screen=True))
-        return f"<p>{escape(repr(self))}</p>{picture}"
+        return f"<p>{escape(repr(self))}</p>" + html_picture(lambda: self.plot(show=False, off_screen=True))
 
     def __repr__(self) -> str:
         muscles, times = listed(list(self.muscles)), f"{len(self.motion.times)} frames"
         return f"Scene({self.name!r}: {muscles}; bones {', '.join(self.bones)}; {times}; {self.units})"
 
-    def with_muscles(self, *names: str) -> Self:
+    def with_muscles(self, *names: str | Sequence[str]) -> Self:
         """Return the scene with selected muscles, in order. Unknown names raise a SceneError."""
-        if not names:
+        asked = [name for several in names for name in as_names(several)]
+        if not asked:
             raise SceneError("no muscle is named", "muscles", f"there are: {', '.join(self.muscles)}")
-        for name in names:
+        for name in asked:
             if name not in self.muscles:
                 remedy = suggestion(name, self.muscles)
                 raise SceneError(f"the scene has no muscle {name!r}", "muscles", remedy, self.files.get(""))
-        return replace(self, muscles={name: muscle for name, muscle in self.muscles.items() if name in names})
+        return replace(self, muscles={name: muscle for name, muscle in self.muscles.items() if name in asked})
 
     def with_settings(self, **settings: Any) -> Self:
         """Return the scene with changed settings.

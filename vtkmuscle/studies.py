@@ -95,7 +95,7 @@ def cohort(
     >>> table["subject"]
     array(['anna', 'ben'], dtype='<U4')
     """
-    every = [scenes] if isinstance(scenes, str | PathLike) else scenes
+    every = [scenes] if isinstance(scenes, Scene | str | PathLike) else scenes
     names = [one.name if isinstance(one, Scene) else str(one) for one in every]
     listed = scenes.values() if isinstance(scenes, Mapping) else every
     labelled = [({"subject": name}, scene) for name, scene in zip(names, listed, strict=True)]
@@ -139,6 +139,7 @@ def vary(
     if not settings:
         raise InputError("", "no setting is varied", "give values: vary(scene, n_fibres=[50, 100])")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
+    frame_numbers(frames, len(scene.motion.times))  # a ValueError, not a row of each run
     labelled = [(values, scene.with_settings(**values)) for values in combinations(settings)]
     return run_labelled(labelled, out, client, workers, None, {"frames": frames})
 
@@ -228,8 +229,7 @@ def _rows(scene: Any, out: Path | None, options: Mapping[str, Any]) -> tuple[lis
     """Return the rows of a scene's muscles, and kept warnings. A scene without a finished folder is run."""
     _warned.clear()
     try:
-        loaded = scene if isinstance(scene, Scene) else Scene.load(scene)
-        scene, options = loaded.chosen(**options)
+        scene, options = (scene if isinstance(scene, Scene) else Scene.load(scene)).chosen(**options)
         result = None if out is None or options.get("fresh") else _finished(scene, out, options)
         if result is None:
             result = scene.run(out, **options)

@@ -21,7 +21,7 @@ from vtkmuscle.filters.deformer import PRESETS
 from vtkmuscle.filters.taut_paths import PATH_PRESETS
 from vtkmuscle.io.literature import curves_for, drawn
 from vtkmuscle.io.writing import Outputs
-from vtkmuscle.run import Result, Table
+from vtkmuscle.run import Result, Table, frame_numbers
 from vtkmuscle.scene.sense import check_sense
 from vtkmuscle.scenes import Scene
 from vtkmuscle.studies import Row, combinations, folder_name, run_labelled
@@ -157,6 +157,7 @@ def tradeoff(
     'none'
     """
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
+    frame_numbers(frames, len(scene.motion.times))  # a ValueError, not a row of each run
     check_sense(scene)
     varied, tried = tuple(settings or TRIED), combinations(settings or TRIED)
     bare = _without(scene, _OF_QUALITY)
@@ -207,11 +208,10 @@ def _measured(result: Result, limit: Result | None, name: str) -> dict[str, Any]
     row = {"verdict": muscle["verdict"]["verdict"], "ms": float(np.median(times)) if times else np.nan}
     row |= dict.fromkeys(ERRORS, np.nan)
     arms = result.all_arms.get(name, {})
-    curves = result.literature.get(name, ())
     off = [
         joint.mean[inside] - np.interp(joint.values[inside], curve.angles, _middle(curve))
         for coordinate, joint in arms.items()
-        for curve in drawn(curves_for(curves, coordinate=coordinate))
+        for curve in drawn(curves_for(result.literature.get(name, ()), coordinate=coordinate))
         if (inside := (joint.values >= curve.angles[0]) & (joint.values <= curve.angles[-1])).any()
     ]
     row["published_rms_mm"] = _rms(off)

@@ -44,7 +44,7 @@ arms = result.moment_arms()["rectus_femoris"]
 
 # %%
 # Export to OpenSim: a single muscle for all fibres. The exported model has the moment arms.
-(written,) = export(scene_file, folder / "rectus_femoris.osim", result=result)
+(written,) = export(result, folder / "rectus_femoris.osim")
 print(written)
 model = read_osim(folder / "rectus_femoris.osim")
 values = {name: one.natural for name, one in result.motion.coordinates.items()}

@@ -216,8 +216,7 @@ def test_a_spindle_of_a_muscle_s_size(triangles, step, iterations, ledger):
     """8000 triangles are solved on two levels."""
     around = round((triangles / 4) ** 0.5)
     mesh = tube(rings=triangles // (2 * around), around=around)
-    angles = range(step, 91, step)
-    _, out = run(mesh, bending(*angles), iterations=iterations)
+    _, out = run(mesh, bending(*range(step, 91, step)), iterations=iterations)
     scenes.check_shape(mesh[0], out, iterations)
     ledger.passed(
         "Muscles", f"a spindle of {triangles} triangles, 90 degrees", STRETCH, figure(out, "EdgeStretchMax")
@@ -350,5 +349,4 @@ def test_sizes(triangles, long, ledger):
     for mode in settings_[:: 1 if triangles <= 1_000 else 4]:
         now, out = run(mesh, bending(2), **{**mode, "iterations": 5})
         ledger.passed("Sizes", f"{len(mesh[1]):,} triangles".replace(",", " "), VOLUME, volume_error(out))
-        edges = unique_edges(mesh[1])
-        assert edge_lengths(now, edges).max() < 100.0
+        assert edge_lengths(now, unique_edges(mesh[1])).max() < 100.0

@@ -145,8 +145,7 @@ def test_fibres_of_extreme_input_are_finite_and_in_the_muscle(case, method, ledg
     assert rest.GetNumberOfCells() == settings.get("n_fibres", 12)
     outside = finite_and_measured(rest, muscle)
     if rest.GetNumberOfCells() < 1000:
-        measured = FibreMetrics()(rest, muscle)
-        assert np.isfinite(points_of(FibreTubes()(measured))).all()
+        assert np.isfinite(points_of(FibreTubes()(FibreMetrics()(rest, muscle)))).all()
     ledger.passed(GROUP, case, "farthest point outside [mm]", outside)
 
 

@@ -55,8 +55,7 @@ def test_normals_turn_with_the_bone_and_other_arrays_pass(bones):
 
 def test_what_is_done_to_the_output_is_gone_at_the_next_time(bones):
     motion = BoneMotion(motion=KNEE)
-    first = at(motion, bones, 0.0)
-    for _, block in blocks_of(first):
+    for _, block in blocks_of(at(motion, bones, 0.0)):
         block.GetFieldData().Initialize()
         block.GetPointData().Initialize()
     for _, block in blocks_of(motion.update(30.0).output):

@@ -58,8 +58,7 @@ def test_attachments_fix_what_their_landmarks_enclose_and_what_is_near_their_cur
     assert (points[fixed_to == 2, 2] > 0).all()
     lower = points[fixed_to == 1]
     assert (lower[:, 2] < 0).all()
-    mean_edge = mean_edge_length()
-    assert (np.abs(lower[:, 1]) <= 2 * mean_edge).all()
+    assert (np.abs(lower[:, 1]) <= 2 * mean_edge_length()).all()
     assert np.ptp(lower[:, 0]) > 8.0
 
 

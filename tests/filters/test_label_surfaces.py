@@ -16,8 +16,7 @@ BALL = np.linalg.norm(np.indices((30, 30, 30)) - 14.5, axis=0) < 10.2
 
 def surface_of(voxels, frame=None):
     frame = np.eye(4) if frame is None else frame
-    image = label_image(voxels.astype(np.uint8), frame, {1: "ball"})
-    return LabelSurfaces()(image).GetBlock(0)
+    return LabelSurfaces()(label_image(voxels.astype(np.uint8), frame, {1: "ball"})).GetBlock(0)
 
 
 def test_a_surface_is_where_the_image_is_and_faces_outward():

@@ -124,7 +124,6 @@ def test_without_contact_no_overlap_is_measured():
 
 
 def test_the_key_of_a_scene_is_checked_and_written(tmp_path):
-    scene = two_spindles("on")
-    assert Scene.load(scene.save(tmp_path)).muscle_contact == "on"
+    assert Scene.load(two_spindles("on").save(tmp_path)).muscle_contact == "on"
     with pytest.raises(SceneError, match=r"muscle_contact: must be 'off', 'on' or 'measure', not 'yes'"):
         two_spindles("yes")

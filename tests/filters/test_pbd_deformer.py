@@ -81,8 +81,7 @@ def test_fixed_points_follow_their_bone_and_the_volume_is_kept(quality):
 
 
 def test_displacement_and_report_are_those_of_the_frame():
-    deformer = deformer_of(collision="off")
-    out = deformer.update(30.0).output
+    out = deformer_of(collision="off").update(30.0).output
     assert np.allclose(point_array(out, "Displacement", ""), points_of(out) - points_of(spindle()), atol=1e-9)
     assert out.GetPointData().GetArray("Velocity") is None
     check_shape_report(out)

@@ -89,8 +89,7 @@ def test_the_angle_to_superficial_fibres_is_reported(method):
     chain = block.muscles["block"], block.attachments["block"]
     fitted, z = fitted_to(*chain), np.linspace(30.0, 90.0, 5)
     lines = [np.column_stack([x + slope * (z - 60.0), 0.0 * z, z]) for slope, x in ((0.1, 8.0), (-0.1, 12.0))]
-    seen = lines_of(lines)
-    fibres = SliceMorpher(method=method)(fitted, *chain, seen)
+    fibres = SliceMorpher(method=method)(fitted, *chain, lines_of(lines))
     assert field_array(fibres, "SuperficialAngle")[0] == pytest.approx(np.degrees(np.arctan(0.1)), abs=0.2)
     alone = SliceMorpher(method=method)(fitted, *chain)
     assert field_array(alone, "SuperficialAngle") is None

@@ -9,7 +9,7 @@ from sequences import check_sequences
 
 from vtkmuscle import filters
 from vtkmuscle.core.motion.rigid import hinge
-from vtkmuscle.core.paths.poses import KeptPoses
+from vtkmuscle.core.paths.pose import SheetPose
 from vtkmuscle.core.paths.sheet import MusclePaths
 from vtkmuscle.core.skinning import carried_muscle
 from vtkmuscle.data.arrays import add_arrays, cell_array, points_of, surface_from, triangles_of
@@ -125,7 +125,7 @@ def work(monkeypatch):
     count(carried_muscle, "Settling", "settling")
     count(MusclePaths, "follow", "paths")
     count(path_deformer.CarriedMuscle, "pose", "surface")
-    count(KeptPoses, "levers", "levers")
+    count(SheetPose, "levers", "levers")
     return done
 
 

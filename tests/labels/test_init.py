@@ -20,6 +20,13 @@ HIP = hip(detail=0.5)
 METRES = 1e-3
 
 
+#: A joint of a drafted scene that no muscle crosses.
+KNEE = (
+    '[bones.shank]\nsurface = "Femur R.vtp"\n[joints.knee]\nparent = "femur_right"\nchild = "shank"\n'
+    'type = "pin"\ncentre = [0, 0, 0]\naxis = [1, 0, 0]\ncoordinates = { knee_flexion = {} }\n'
+)
+
+
 @pytest.fixture(autouse=True)
 def without_pictures(monkeypatch):
     monkeypatch.setattr(page, "can_render", lambda: "not here")
@@ -97,18 +104,19 @@ def test_each_guess_says_how_sure_it_is(files, tmp_path):
 def test_a_guess_that_is_not_sure_is_looked_at_until_it_is_confirmed(files, tmp_path):
     path = tmp_path / "scene.toml"
     init(*files, "--out", tmp_path)
-    drawn = path.read_text()
+    drawn = path.read_text().replace('"units" = 0.9', '"units" = 0.9\n"joints.knee.axis" = 0.1') + KNEE
     for old, new, key in (
         ("confidence = 0.64", "confidence = 0.11", r"muscles.iliacus_right.attachments\[1\]"),
         ('"units" = 0.9', '"units" = 0.3', "units"),
     ):
         path.write_text(drawn.replace(old, new))
         scene = vtkmuscle.Scene.load(path).with_muscles("iliacus_right")
-        with pytest.warns(UserWarning, match=key):
+        with pytest.warns(UserWarning, match="joints.knee"), pytest.warns(UserWarning, match=key):
             result = replace(scene, deformer="none").run(frames="0:1", figures=False)
         says = " ".join(result["iliacus_right"].reasons)
         assert result.verdicts == {"iliacus_right": "look"}
         assert "low confidence" in says
+        assert "joints.knee" not in says, "a guess about a joint that the muscle does not cross"
 
 
 @pytest.mark.parametrize(

@@ -116,7 +116,8 @@ def test_what_is_not_evaluated_is_said(tmp_path):
     (tmp_path / "leg.osim").write_text(text)
     words = repr(check_model(tmp_path / "leg.osim"))
     assert words.startswith("1 of 2 muscles and 1 of 1 ligaments evaluated")
-    (tmp_path / "no.osim").write_text(osim_of(tree, [MuscleOut("still", still)]))
+    alone = osim_of(tree, [MuscleOut("still", still)])  # and a ligament, which is evaluated
+    (tmp_path / "no.osim").write_text(alone.replace("<Millard", f"{passive}<Millard", 1))
     none = vtkmuscle_("check", tmp_path / "no.osim", "--out", tmp_path / "no.html", "--fail-above", 5)
     assert none.exit_code == 1, "a model without an evaluated muscle passed"
     assert "no muscle of" in none.stderr

@@ -11,12 +11,12 @@ from commands import vtkmuscle_
 from tiny_scene import HINGE, write_tiny_scene
 from two_joint_scene import save_strap, scene_with
 
-from vtkmuscle import InputError, Result, Scene, SceneError
+from vtkmuscle import InputError, Result, Scene, SceneError, hinge
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.core.paths.pose import SheetPose
 from vtkmuscle.io import read_surface
-from vtkmuscle.opensim import export, read_osim
+from vtkmuscle.opensim import export, from_run, read_osim
 from vtkmuscle.opensim.export_parts import SPECIFIC_TENSION, completed_properties
 from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
 from vtkmuscle.opensim.muscle_paths import PointPath, moment_arm
@@ -53,14 +53,14 @@ def test_a_path_that_is_far_from_the_run_is_a_warning(tmp_path):
     path = scene_with(tmp_path / "strap", tmp_path, motion=grid, deformer="none")
     result = Scene.load(path).run()
     with pytest.warns(UserWarning, match="moment arms of 'strap' as written are wrong by .* more poses"):
-        (muscle,) = export(path, tmp_path / "strap.xml", result=result, kind=GEOMETRY_ONLY)
+        (muscle,) = export(result, tmp_path / "strap.xml", kind=GEOMETRY_ONLY)
     arms = result.moment_arms()["strap"]
     assert max(rms(muscle.errors[name]) for name in arms) > 0.1 * max(rms(arms[name].mean) for name in arms)
 
 
 def test_functions_have_the_lengths_of_the_run(ran, tmp_path):
-    path, result = ran
-    (muscle,) = export(path, tmp_path / "strap.osim", result=result)
+    result = ran[1]
+    (muscle,) = export(result, tmp_path / "strap.osim")
     model = read_osim(tmp_path / "strap.osim")
     lengths = 1000.0 * model.muscle("strap").path.lengths(model.tree, values_of(result))
     mean = result.lengths["strap"].mean(axis=1)
@@ -77,10 +77,10 @@ def test_functions_have_the_lengths_of_the_run(ran, tmp_path):
 
 
 def test_more_groups_stand_for_the_fibres_better(ran, tmp_path):
-    path, result = ran
+    result = ran[1]
     force = {"strap": {"max_isometric_force": 500.0}}
-    (whole,) = export(path, tmp_path / "whole.osim", result=result, parameters=force)
-    groups = export(path, tmp_path / "groups.osim", result=result, groups=4, parameters=force)
+    (whole,) = export(result, tmp_path / "whole.osim", parameters=force)
+    groups = export(result, tmp_path / "groups.osim", groups=4, parameters=force)
     assert sorted(fibre for group in groups for fibre in group.fibres) == list(range(10))
     assert max(group.group_error for group in groups) < whole.group_error
     assert sum(group.out.parameters["max_isometric_force"] for group in groups) == pytest.approx(500.0)
@@ -88,8 +88,7 @@ def test_more_groups_stand_for_the_fibres_better(ran, tmp_path):
 
 
 def test_points_and_cylinders_have_lengths_and_moment_arms(ran, tmp_path):
-    path, result = ran
-    (muscle,) = export(path, tmp_path / "points.osim", result=result, form="points")
+    (muscle,) = export(ran[1], tmp_path / "points.osim", form="points")
     assert isinstance(muscle.out.path, PointPath)
     assert {point.body for point in muscle.out.path.points} == {"proximal", "middle", "distal"}
     assert rms(muscle.errors["length"]) < 0.7
@@ -168,7 +167,7 @@ def test_results_are_exported_without_another_run(ran, results, tmp_path):
     with pytest.raises(ValueError, match="has changed"):
         export(results, tmp_path / "strap.osim")
     replace(Scene.load(path), files={}).run(tmp_path / "made", frames=0, figures=False, report=False)
-    with pytest.raises(ValueError, match=r"made.scene\.toml, has changed or is missing; export a scene"):
+    with pytest.raises(ValueError, match=r"^scene\.toml: .* has changed or is missing; export a scene"):
         export(tmp_path / "made", tmp_path / "b.osim")
     path.write_text(scene)
 
@@ -207,10 +206,30 @@ def test_an_export_that_makes_no_sense_is_refused(results, tmp_path, monkeypatch
     assert not (tmp_path / "out.osim").exists()
 
 
+def test_another_source_or_option_is_refused(ran, tmp_path):
+    with pytest.raises(TypeError, match=r"takes a Result, its folder or a scene.toml, not .*Scene\("):
+        export(Scene.load(ran[0]), tmp_path / "strap.osim")
+    with pytest.raises(TypeError, match="there is no option 'group'; did you mean 'groups'"):
+        export(ran[1], tmp_path / "strap.osim", group=2)
+    turned = replace(Scene.load(ran[0]), motion=hinge("distal", (0, 0, 0), (1, 0, 0), [0, 5]))
+    with pytest.raises(InputError, match="the motion is not that of the results"):
+        export(replace(turned, deformer="none").run(frames="0:2"), tmp_path / "strap.osim")
+
+
+def test_further_poses_have_the_settings_of_the_results(ran, tmp_path, monkeypatch):
+    """The paths in further poses were of the scene's quality, not of the exported result's."""
+    still = scene_with(ran[0].parent, tmp_path, motion={"grid": {"upper": [-10, 30, 10]}})
+    result = Scene.load(still).run(deformer="none", quality="preview", n_paths=30)
+    seen, run = [], from_run.run_scene
+    monkeypatch.setattr(from_run, "run_scene", lambda scene, *rest: seen.append(scene) or run(scene, *rest))
+    export(result, tmp_path / "still.osim", kind=GEOMETRY_ONLY)
+    assert [(scene.quality, scene.paths) for scene in seen] == [("preview", {"n_paths": 30})]
+
+
 def test_a_crossed_coordinate_that_stands_still_is_moved_by_the_export(ran, tmp_path):
     still = scene_with(ran[0].parent, tmp_path, motion={"grid": {"upper": [-10, 30, 10]}})
     export(still, tmp_path / "still.osim", kind=GEOMETRY_ONLY)
-    export(ran[0], tmp_path / "moved.osim", result=ran[1], kind=GEOMETRY_ONLY)
+    export(ran[1], tmp_path / "moved.osim", kind=GEOMETRY_ONLY)
     here, there = (read_osim(tmp_path / f"{name}.osim") for name in ("still", "moved"))
     assert here.tree.coordinate("lower").range == pytest.approx(np.radians([-20.0, 20.0]))
     poses = {"upper": np.radians([-5.0, 10.0, 25.0]), "lower": np.radians([8.0, -8.0, 15.0])}
@@ -225,10 +244,9 @@ def test_a_pose_in_which_paths_do_not_rest_is_left_out(ran, tmp_path, monkeypatc
     settle, calls = SheetPose.settle, count()
     monkeypatch.setattr(SheetPose, "settle", lambda *given: settle(*given) and next(calls) != 20)
     grid = {"grid": {"upper": [-10, 30, 5], "lower": [0, 40, 10]}}
-    scene = scene_with(ran[0].parent, tmp_path, motion=grid, deformer="none")
-    result = Scene.load(scene).run()
+    result = Scene.load(scene_with(ran[0].parent, tmp_path, motion=grid, deformer="none")).run()
     assert np.isnan(result.lengths["strap"]).all(axis=1).sum() == 1
-    (muscle,) = export(scene, tmp_path / "strap.osim", result=result, kind=GEOMETRY_ONLY)
+    (muscle,) = export(result, tmp_path / "strap.osim", kind=GEOMETRY_ONLY)
     assert all(len(off) == 44 and np.isfinite(off).all() for off in muscle.errors.values())
     assert rms(muscle.errors["length"]) < 0.4
 
@@ -246,7 +264,7 @@ def test_a_muscle_that_failed_is_not_exported(ran, results, tmp_path):
     result = Result.load(results)
     result.report["muscles"]["strap"]["verdict"]["verdict"] = "failed"
     with pytest.raises(InputError, match="no muscle with paths crosses a coordinate and did not fail"):
-        export(ran[0], tmp_path / "strap.osim", result=result)
+        export(result, tmp_path / "strap.osim")
     assert not (tmp_path / "strap.osim").exists()
 
 

@@ -43,8 +43,8 @@ def drawn(tmp_path_factory):
 
 @pytest.mark.parametrize("form", ["functions", "points"])
 def test_slides_are_exported_in_metres(drawn, tmp_path, form):
-    path, result = drawn
-    (found,) = export(path, tmp_path / "drawn.osim", result=result, form=form)
+    result = drawn[1]
+    (found,) = export(result, tmp_path / "drawn.osim", form=form)
     model = read_osim(tmp_path / "drawn.osim")
     slide = {"slide": 0.001 * np.arange(0.0, 13.0, 2.0)}
     lengths = 1000.0 * model.muscle("spindle").path.lengths(model.tree, slide)
@@ -55,9 +55,9 @@ def test_slides_are_exported_in_metres(drawn, tmp_path, form):
 
 
 def test_groups_share_the_force_and_what_is_asked_for_counts_more(drawn, tmp_path):
-    path, result = drawn
+    result = drawn[1]
     asked = {"spindle": {"optimal_fiber_length": 0.06}}
-    groups = export(path, tmp_path / "two.osim", result=result, groups=2, parameters=asked)
+    groups = export(result, tmp_path / "two.osim", groups=2, parameters=asked)
     assert sum(one.out.parameters["max_isometric_force"] for one in groups) == pytest.approx(18.0 * 61.0)
     assert {one.out.parameters["optimal_fiber_length"] for one in groups} == {0.06}
 

@@ -162,8 +162,7 @@ def test_it_plays_and_stops(page):
 
 
 def test_moment_arms_on_the_cards_are_those_of_the_frame(page, run_folder):
-    result = run_folder[1]
-    arms = result.moment_arms()["spindle"]["knee_angle"]
+    arms = run_folder[1].moment_arms()["spindle"]["knee_angle"]
     for position in (0, 2):
         choose(page, "time", position)
         said = page.value("document.querySelector('[data-arm]').textContent").replace("\u2212", "-")

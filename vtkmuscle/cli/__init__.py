@@ -113,8 +113,8 @@ def demo(out: shared.OutOption = None, *, options: shared.RunArguments) -> None:
     scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.hip(angles=DEMO_ANGLES))
     path = save_unless_there(scene, folder / "scene", overwrite=options.overwrite)
     loaded = vtkmuscle.Scene.load(path)
-    shared.say(options.quiet, f"The scene is {path}: edit the file, or use your own surfaces, and run")
-    shared.say(options.quiet, f"  vtkmuscle run {path}")
+    words = f"The scene is {path}: edit the file, or use your own surfaces, and run"
+    shared.say_run(options.quiet, words, path)
     run_and_report(loaded, folder, options)
 
 
@@ -185,8 +185,7 @@ def fetch(
             raise InputError(name, "the licence is not accepted", "add --accept-licence to accept")
     announce = partial(shared.say, quiet)
     path = public.fetch(name, out, accept_licence=True, host=host or public.HOST, announce=announce)
-    shared.say(quiet, f"The scene is {path}. Run")
-    shared.say(quiet, f"  vtkmuscle run {path}")
+    shared.say_run(quiet, f"The scene is {path}. Run", path)
 
 
 @command("paraview-path")

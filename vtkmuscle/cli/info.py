@@ -18,6 +18,7 @@ from vtkmuscle.joints.osim import read_motion_file
 from vtkmuscle.labels.draft import likely_unit
 from vtkmuscle.labels.guesses import LOOK
 from vtkmuscle.opensim.model import read_osim
+from vtkmuscle.run.figures import FORMS
 from vtkmuscle.run.store import ResultFolder
 from vtkmuscle.scenes import Scene
 
@@ -54,8 +55,9 @@ def draw_landmarks(file: Path, picture: Path) -> None:
                 axes.annotate((name or str(number)).replace("$", r"\$"), point[[across, up]], fontsize=7)
         axes.set(xlabel="xyz"[across], ylabel="xyz"[up])
         axes.set_aspect("equal", adjustable="datalim")
-    form = picture.suffix.lower().lstrip(".")
-    save_figure(figure, picture, form if form in ("pdf", "svg") else "png")
+    if (form := picture.suffix.lower().removeprefix(".")) not in FORMS:
+        raise InputError(picture, "unknown format of a picture", f"allowed: {', '.join(FORMS)}")
+    save_figure(figure, picture, form)
 
 
 def _of_landmarks(file: Path) -> dict[str, str]:

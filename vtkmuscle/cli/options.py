@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import os
+import shlex
 import sys
 import threading
 import warnings
@@ -11,6 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
+from subprocess import list2cmdline
 from tempfile import mkdtemp
 from traceback import format_exception
 from typing import Annotated, Any
@@ -218,6 +221,12 @@ def say(quiet: bool, text: str) -> None:
     """Print a text unless quiet."""
     if not quiet:
         typer.echo(text)
+
+
+def say_run(quiet: bool, text: str, scene: Path) -> None:
+    """Print a text, and the command to run a scene."""
+    quote = shlex.quote if os.name == "posix" else (lambda name: list2cmdline([name]))
+    say(quiet, f"{text}\n  vtkmuscle run {quote(str(scene))}")
 
 
 def print_error(text: str, *, style: str = "bold red") -> None:

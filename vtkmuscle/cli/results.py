@@ -57,7 +57,6 @@ def export(
     from vtkmuscle.cli.running import progress_bars
     from vtkmuscle.opensim import check_model
     from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
-    from vtkmuscle.run import RunOptions
 
     names = ["into", "overwrite", "groups", "specific_tension", *["form"] * (out.suffix.lower() == ".osim")]
     settings: dict[str, Any] = {name: getattr(options, name) for name in names}
@@ -65,8 +64,7 @@ def export(
     masses = {body: _kilograms(text) for body, text in shared.pairs(options.mass, "--mass").items()}
     settings |= {"replace": shared.pairs(options.replace), "masses": masses}
     with progress_bars() as progress:
-        run_options = RunOptions(workers=None, progress=progress)
-        muscles = vtkmuscle.export(source, out, run_options=run_options, **settings)
+        muscles = vtkmuscle.export(source, out, workers=None, progress=progress, **settings)
     for muscle in muscles:
         typer.echo(f"{muscle.out.name}: {muscle}")
         if parameters := muscle.out.parameters:
@@ -163,10 +161,10 @@ def check(
         typer.echo(f"wrote {page}, {table}")
     if options.fail_above is None:
         return
-    if not checked.evaluated:
+    if not (evaluated := checked.evaluated.intersection(checked.model.muscles or checked.model.paths)):
         shared.print_error(f"error: --fail-above: no muscle of {model} could be evaluated; see the reasons")
     sizes = [1000.0 * finding.size for finding in checked.findings if "fibre" not in finding.what]
-    if not checked.evaluated or max(sizes, default=0.0) > options.fail_above:
+    if not evaluated or max(sizes, default=0.0) > options.fail_above:
         raise typer.Exit(shared.FAILED)
 
 
@@ -309,5 +307,5 @@ def _tell(draft: Draft, quiet: bool) -> None:
         surfaces = f"surfaces (.vtp) in {folder / 'bones'} and {folder / 'muscles'}"
         shared.say(quiet, f"wrote {draft.file}, {surfaces}, and volumes.csv")
         return
-    shared.say(quiet, f"wrote {draft.file}, with {', '.join(draft.muscles)}: check the guesses, then run")
-    shared.say(quiet, f"  vtkmuscle run {draft.file}")
+    words = f"wrote {draft.file}, with {', '.join(draft.muscles)}: check the guesses, then run"
+    shared.say_run(quiet, words, draft.file)

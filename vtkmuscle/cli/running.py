@@ -15,6 +15,7 @@ from typer import Argument, Option
 
 import vtkmuscle
 from vtkmuscle.cli import options as shared
+from vtkmuscle.core.errors import InputError
 
 
 def run_and_report(scene: vtkmuscle.Scene, out: Path, options: shared.RunArguments) -> None:
@@ -56,8 +57,7 @@ def _run(scene: vtkmuscle.Scene, out: Path, options: shared.RunArguments) -> Any
     """Run a scene, or compute a single output, with progress bars."""
     from vtkmuscle.run import run_only
 
-    names = ["frames", "workers", "overwrite"]
-    names += [] if options.only is not None else ["figures", "report", "fresh"]
+    names = ["frames", "workers", "overwrite", *["figures", "report", "fresh"] * (options.only is None)]
     settings: dict[str, Any] = {name: getattr(options, name) for name in names}
     with progress_bars(scene.muscles, quiet=options.quiet) as progress:
         if options.only is not None:
@@ -185,6 +185,8 @@ def tradeoff(
         shared.say(options.quiet, f"{', '.join(words)}: {rows[0]['message'] or rows[0]['verdict']}")
 
     kept: dict[str, Any] = {name: getattr(options, name) for name in ("frames", "workers", "overwrite")}
+    for name in settings.keys() & {"scene", "out", "progress", *kept}:
+        raise InputError("--vary", f"{name!r} is no setting of a scene", "vary e.g. quality, or n_paths")
     found = vtkmuscle.tradeoff(vtkmuscle.Scene.load(scene), out, progress=show, **kept | settings)
     whole, shown = found.table.where(muscle=ALL), (*found.settings, "verdict", "ms", *ERRORS)
     headings = (name.removesuffix("_rms_mm").replace("_", " ") for name in shown)

@@ -309,8 +309,7 @@ def superficial_pieces(points: Floats, offsets: Ints, muscle: Floats) -> Superfi
     counts = np.ceil(lengths / (LONGEST_PIECE * extent(muscle))).astype(np.int64)
     segment = np.repeat(np.arange(len(starts)), counts)
     within = np.arange(len(segment)) - np.repeat(np.cumsum(counts) - counts, counts)
-    share = (within + 0.5) / counts[segment]
-    middles = points[starts][segment] + share[:, None] * step[segment]
+    middles = points[starts][segment] + ((within + 0.5) / counts[segment])[:, None] * step[segment]
     return SuperficialFibres(middles, (step / lengths[:, None])[segment], (lengths / counts)[segment])
 
 

@@ -135,8 +135,7 @@ class FibreMetrics(Filter):
         runs = np.vstack(end_directions(lines.points, lines.offsets))
         # On a crease the mean over faces, weighted by area, does not depend on rounding.
         number, face = faces_that_meet(points, triangles, faces, feet)
-        normals = smooth_normals(points, triangles, face, feet[number])
-        sines = np.abs((runs[number] * normals).sum(axis=1))
+        sines = np.abs((runs[number] * smooth_normals(points, triangles, face, feet[number])).sum(axis=1))
         sizes = np.linalg.norm(triangle_normals(points, triangles[face]), axis=1)
         each = np.degrees(np.arcsin(np.minimum(sines, 1.0)))
         angles = np.bincount(number, sizes * each) / np.bincount(number, sizes)

@@ -85,8 +85,7 @@ class LinearBlendFibres(Filter):
         ends = ("origin", self.origin, 0), ("insertion", self.insertion, -1)
         first, last = (bones.transforms[self._index(list(bones.surfaces), *end)] for end in ends)
         result = rest_fibres.moved(blend_fibres(points, offsets, first, last, self.a))
-        cells = {"RestLength": rest_fibres.lengths}
-        return add_arrays(result, cells=cells, fields={"BlendA": self.a})
+        return add_arrays(result, cells={"RestLength": rest_fibres.lengths}, fields={"BlendA": self.a})
 
     @staticmethod
     def _index(names: list[str], role: str, name: str | None, default: int) -> int:

@@ -134,8 +134,7 @@ class MomentArms(Filter):
 
     def _lengths_over_time(self) -> Floats:
         """Return the lengths (f, k) of the fibres at all time steps."""
-        state = state_of_inputs(self, (0,))
-        if self._measured is None or self._measured[0] != state:
+        if self._measured is None or self._measured[0] != state_of_inputs(self, (0,)):
             rows: list[Floats] = []
             for number, time in enumerate(self._steps):
                 self.report_progress(number / len(self._steps))

@@ -134,8 +134,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
         count, settings = 0 if one_level else self.solved_triangles, self.parameters_that_count().items()
         of_solver = {name: x for name, x in settings if name in Parameters.__dataclass_fields__}
         with errors_at("muscle"):
-            made_from = rest, Parameters(**of_solver), more, count
-            solver, levels = self.once("solver", made_from, self._made)
+            solver, levels = self.once("solver", (rest, Parameters(**of_solver), more, count), self._made)
         # The neighbours' shapes at rest belong to the inputs.
         beside = self.once("neighbours", (self._made_with, *levels), lambda _, *rests: Neighbours(*rests))
 

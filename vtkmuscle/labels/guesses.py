@@ -225,8 +225,7 @@ def _axes(kind: JointKind, fit: JointFit, side: str | None, frame: str) -> dict[
     coordinates = {f"{name}{suffix}": {"positive": name.split("_")[1]} for name in kind.axes}
     listed = [[round(float(value), 6) for value in axis] for axis in axes]
     turns = {"axes": listed} if kind.form == "ball" else {"axis": listed[0]}
-    centre = [round(float(value), 3) for value in fit.centre]
-    return {"centre": centre, **turns, "coordinates": coordinates}
+    return {"centre": [round(float(value), 3) for value in fit.centre], **turns, "coordinates": coordinates}
 
 
 def _guesses_of(key: str, kind: JointKind, fit: JointFit, child: vtkPolyData, frame: str) -> list[Guess]:

@@ -71,8 +71,7 @@ def _held_back(samples: Floats) -> list[Bools]:
     masks = []
     for column in samples.T.round(9):
         levels = np.unique(column)
-        parts = np.array_split(levels, min(PARTS, len(levels)))
-        masks += [np.isin(column, part) for part in parts[1:-1]]
+        masks += [np.isin(column, part) for part in np.array_split(levels, min(PARTS, len(levels)))[1:-1]]
     numbers = np.random.default_rng(0).permutation(len(samples)) % PARTS
     return masks or [numbers == number for number in range(PARTS) if number in numbers]
 

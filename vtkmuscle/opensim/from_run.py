@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from dataclasses import replace as with_changes
 from itertools import product
 from os import PathLike
@@ -21,6 +21,7 @@ from vtkmuscle.core.fibres.measures import group_fibres
 from vtkmuscle.core.motion.coordinates import MILLIMETRES
 from vtkmuscle.core.motion.rigid import apply_transform, inverses
 from vtkmuscle.core.types import ROUNDING, Floats
+from vtkmuscle.core.words import quoted
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.io import write_text
 from vtkmuscle.io.writing import Outputs, file_digest, write_with
@@ -31,7 +32,7 @@ from vtkmuscle.opensim.mjcf import mjcf_of
 from vtkmuscle.opensim.model import checked_model
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PointPath, moment_arm
 from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
-from vtkmuscle.run.frames import RunOptions
+from vtkmuscle.run.frames import RunOptions, run_options
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.steps import paths_alone, run_scene
 from vtkmuscle.run.table import Table
@@ -87,14 +88,12 @@ class Export:
 
 
 def export(
-    source: str | PathLike[str],
+    source: Result | str | PathLike[str],
     out: str | PathLike[str],
     *,
-    result: Result | None = None,
     into: str | PathLike[str] | None = None,
     replace: Mapping[str, str] | None = None,
     overwrite: bool = False,
-    run_options: RunOptions | None = None,
     **options: Any,
 ) -> list[ExportedMuscle]:
     """Write the muscles of a scene with joints to OpenSim or MuJoCo, and return them with errors.
@@ -107,12 +106,10 @@ def export(
 
     Parameters
     ----------
-    source : path
-        Folder of a run's results, or a scene.toml, which is run first.
+    source : Result or path
+        Result of a scene.toml, folder of a run's results, or a scene.toml, which is run first.
     out : path
         An .osim file, or an .xml file for MuJoCo (MJCF).
-    result : Result, optional
-        Result of the scene, instead of a new run.
     into : path, optional
         A model of OpenSim that gets the muscles and stays otherwise unchanged: the model of ``[opensim]``, or
         a model of the same bodies and coordinates. By default a new model with the scene's joints.
@@ -120,21 +117,27 @@ def export(
         By muscle of the scene: the model's muscle whose name and properties are reused.
     overwrite : bool, optional
         Whether files from elsewhere are replaced; inputs never are.
-    run_options : RunOptions, optional
-        Of a run, if one is needed; all frames are taken.
     **options
-        Attributes of :class:`~vtkmuscle.opensim.Export`.
+        Attributes of :class:`~vtkmuscle.opensim.Export`, and of :class:`~vtkmuscle.run.RunOptions` for a run,
+        if one is needed; all frames are taken.
 
     Raises
     ------
+    TypeError
+        For another source, or an unknown option.
     OSError, SceneError, ValueError
         For another ending of the file; if the scene has no joints or is mirrored; if all muscles failed; if a
         muscle has no fibres, crosses a constant coordinate without a range where no coordinate of its unit
         moves, or leaves no tendon; if the model is not of version 4; or for joints that MuJoCo lacks, see
         :func:`~vtkmuscle.opensim.mjcf_of`.
     """
+    if not isinstance(source, Result | str | PathLike):
+        raise TypeError(f"an export takes a Result, its folder or a scene.toml, not {quoted(source)}")
     path, model, names = Path(out), None if into is None else Path(into), dict(replace or {})
-    is_osim, asked = path.suffix.lower() == ".osim", Export(**options)
+    own = [each.name for each in fields(Export)]
+    asked = Export(**{name: options.pop(name) for name in own if name in options})
+    all_frames = run_options(options | {"frames": None}, own)
+    is_osim, inputs = path.suffix.lower() == ".osim", [] if isinstance(source, Result) else [Path(source)]
     if not is_osim and path.suffix.lower() != ".xml":
         raise InputError(path, "unknown format of an export", "write .osim or .xml; the command also .usd")
     if not is_osim and (model is not None or names):
@@ -145,13 +148,12 @@ def export(
         raise InputError("specific_tension", f"{tension:g} N/cm^2 is not a finite number > 0", "e.g. 60")
     if names and model is None:
         raise InputError("replace", "there is no model to replace muscles in", "give the model as into")
-    with Outputs.for_file(path, [Path(source), model], overwrite=overwrite):
+    with Outputs.for_file(path, [*inputs, model], overwrite=overwrite):
         reused: dict[str, Mapping[str, float]] = {}
         if model is not None:
             theirs = checked_model(model)
             reused = {name: theirs.muscle(replaced).parameters for name, replaced in names.items()}
-        all_frames = with_changes(run_options or RunOptions(), frames=None)
-        run = _run_of(Path(source), result, all_frames, {*reused, *asked.parameters})
+        run = _run_of(source, all_frames, {*reused, *asked.parameters})
         muscles: list[ExportedMuscle] = []
         for name in run.poses:
             hill = parts.opensim_properties(run.scene.muscles[name].hill, run.metres)
@@ -212,19 +214,30 @@ class _Run(NamedTuple):
         return with_changes(self.tree, coordinates=own)
 
 
-def _run_of(source: Path, result: Result | None, options: RunOptions, named: set[str]) -> _Run:
+def _scene_of(source: Result | str | PathLike[str]) -> tuple[Path, Result | None]:
+    """Return a source's scene file, and results if any."""
+    if not isinstance(source, Result):
+        if not Path(source).is_dir():
+            return Path(source), None
+        source = Result.load(source)
+    path = Path(source.report["scene_file"] or "scene.toml")  # none of a scene made in Python
+    if not path.is_file() or file_digest(path) != source.report["sha256"].get("scene"):
+        remedy = "export a scene.toml; Scene.save writes a scene made in Python"
+        raise InputError(path, "the scene of these results has changed or is missing", remedy)
+    return path, source
+
+
+def _run_of(source: Result | str | PathLike[str], options: RunOptions, named: set[str]) -> _Run:
     """Return a scene with muscles ``named``, and its results, run if necessary."""
-    path = source
-    if source.is_dir():
-        result = result or Result.load(source)
-        path = Path(result.report["scene_file"] or source / "scene.toml")  # none of a scene made in Python
-        if not path.is_file() or file_digest(path) != result.report["sha256"].get("scene"):
-            problem = f"the scene of these results, {path}, has changed or is missing"
-            raise InputError(source, problem, "export a scene.toml; Scene.save writes a scene made in Python")
+    path, result = _scene_of(source)
     table, files = validated(parsed(path), path), SceneFiles(path)
     if table.mirror is not None:
         raise SceneError("mirrored scenes are not exported", "mirror", "export the other side", path)
     scene = Scene.load(path)
+    if result is not None:
+        own, run = (np.array([*each.motion.transforms.values()]) for each in (scene, result))
+        if own.shape != run.shape or not np.allclose(own, run):
+            raise InputError(path, "the motion is not that of the results", "run the scene again")
     if unknown := sorted(named - {*scene.muscles}):
         remedy = f"its muscles are {', '.join(scene.muscles)}"
         raise InputError("", f"the scene has no muscle {unknown[0]!r}", remedy)
@@ -250,9 +263,11 @@ def _run_of(source: Path, result: Result | None, options: RunOptions, named: set
     with errors_at("motion", path, "extend the motion, or shorten the crosses of the muscles"):
         moved = {names: _with_moves(joints.tree, values, names) for names in dict.fromkeys(still.values())}
     result = result or run_scene(scene, None, options)
+    as_run = scene.with_settings(**{name: result.report[name] for name in ("deformer", "quality", "paths")})
     failed = [name for name, verdict in result.verdicts.items() if verdict == FAILED or not crossed[name]]
     if not (whole := [name for name in result.lengths if name not in failed]):
-        raise InputError(source, "no muscle with paths crosses a coordinate and did not fail", "see the page")
+        remedy = "see the page; give the muscles fibres, and for deformer 'pbd' paths too"
+        raise InputError(path, "no muscle with paths crosses a coordinate and did not fail", remedy)
     if failed:
         warnings.warn(f"left out, for they failed or cross no coordinate: {', '.join(failed)}", stacklevel=4)
     poses: dict[str, _Poses] = {}
@@ -260,7 +275,7 @@ def _run_of(source: Path, result: Result | None, options: RunOptions, named: set
         measured, muscles = result, [muscle for muscle in whole if still[muscle] == names]
         if names and muscles:
             motion = joints.motion_of(np.arange(float(len(columns[names[0]]))), columns)
-            alone = paths_alone(scene.with_muscles(*muscles), motion=motion)
+            alone = paths_alone(as_run.with_muscles(*muscles), motion=motion)
             measured = run_scene(alone, None, with_changes(options, sense=False))
         now = {name: factors[name] * column for name, column in columns.items()}
         poses |= dict.fromkeys(muscles, _Poses(measured, now))

@@ -23,8 +23,7 @@ def mesh_of(solid: Solid, spacing: float, n_triangles: int) -> tuple[Floats, Int
     coarse_shape = np.ceil((solid.upper - solid.lower + 3.0 * spacing) / (stride * spacing)).astype(int) + 1
     coarse = solid.values(_grid(origin, coarse_shape, stride * spacing).reshape(-1, 3)).reshape(coarse_shape)
     shape = stride * (coarse_shape - 1) + 1
-    nearest = [(np.arange(count) + stride // 2) // stride for count in shape]
-    fine: Floats = coarse[np.ix_(*nearest)]
+    fine: Floats = coarse[np.ix_(*((np.arange(count) + stride // 2) // stride for count in shape))]
     # Fields are no steeper than a distance, the coarse point is at most half a stride away per axis, and
     # points matter up to one edge from the surface.
     near = np.abs(fine) < (stride / 2.0 * np.sqrt(3.0) + 1.5) * spacing

@@ -60,8 +60,7 @@ def line_length(angle: float) -> float:
 def line_moment_arm(angle: float) -> float:
     """Return -dl/dq of the straight line [mm] at an angle [degrees]."""
     insertion = _insertion(angle)
-    velocity = np.cross(AXIS, insertion)
-    return float(-velocity @ (insertion - ORIGIN) / np.linalg.norm(insertion - ORIGIN))
+    return float(-np.cross(AXIS, insertion) @ (insertion - ORIGIN) / np.linalg.norm(insertion - ORIGIN))
 
 
 def _insertion(angle: float) -> Floats:
@@ -92,8 +91,7 @@ def bone_with_arm(attachment: Floats, up: float) -> Solid:
     arm_centre = attachment + np.array([0.0, 0.0, 7.0 * up])
     arm = thick_curve([arm_centre * [0, 0, 1], arm_centre], [13.0, 13.0])
     arm = arm.beside(attachment, (0, 0, -up), 1.0)
-    shaft = thick_curve([(0, 0, 14 * up), (0, 0, attachment[2] + 50 * up)], [10.0, 11.0])
-    return shaft.joined(arm, 4.0)
+    return thick_curve([(0, 0, 14 * up), (0, 0, attachment[2] + 50 * up)], [10.0, 11.0]).joined(arm, 4.0)
 
 
 #: Radius of the cylinder, thickness and width of the strap, length of its straight part [mm].
@@ -175,8 +173,7 @@ def _cylinder_surfaces() -> tuple[dict[str, Surface], Surface]:
     straight = np.linspace(-STRAIGHT - THICKNESS, 0.0, 30, endpoint=False)
     flat = np.column_stack([np.zeros(30), straight, np.full(30, middle)])
     line = np.vstack([flat, _round_the_cylinder(np.linspace(0.0, WRAPPED, 25), middle)])
-    across = np.linspace(-1.0, 1.0, 3)[:, None] * [(WIDTH - THICKNESS) / 2.0, 0.0, 0.0]
-    knots = line[:, None, :] + across
+    knots = line[:, None, :] + (np.linspace(-1.0, 1.0, 3)[:, None] * [(WIDTH - THICKNESS) / 2.0, 0.0, 0.0])
     strap = thick_sheet(knots, np.full(knots.shape[:2], THICKNESS / 2.0), spacing=1.5)
     strap = strap.beside((0, -STRAIGHT, 0), (0, -1, 0), 1.0)
     length = WIDTH + 20.0

@@ -131,7 +131,8 @@ def fibre_actor(fibres: vtkPolyData, width: float, colours: NDArray[np.uint8] | 
     pieces = max(24, round(5.0 * width))
     splines = vtkSplineFilter(spline=cubic, input_data=lines, number_of_subdivisions=pieces)
     splines.SetSubdivideToSpecified()
-    look = {"line_width": width, "render_lines_as_tubes": True, "ambient": 0.25}
+    # VTK shades tubes of more than a pixel alone.
+    look = {"line_width": max(width, 1.1), "render_lines_as_tubes": True, "ambient": 0.25}
     actor = _actor(splines.update().output, _PLAIN_FIBRES, **look)
     actor.GetMapper().SetScalarVisibility(colours is not None)
     return actor

@@ -131,8 +131,6 @@ MANY = 6
 def page_of(run: Result) -> str:
     """Return the page of a run as text. The page needs no external resources."""
     report, pack = run.report, Pack()
-    scene = scene_of(run, pack)
-    curves = curves_of(run, pack)
     return rendered(
         "report.html",
         run=run,
@@ -143,7 +141,7 @@ def page_of(run: Result) -> str:
         quality=_quality(report["muscles"]),
         not_checked=not_checked_of(report),
         settings=settings_of(report),
-        data={"scene": scene, "curves": curves, "frames": list(run.frames)},
+        data={"scene": scene_of(run, pack), "curves": curves_of(run, pack), "frames": list(run.frames)},
         arrays=Markup(pack.text()),
     )
 

@@ -75,6 +75,8 @@ class RunOptions:
     def __post_init__(self) -> None:
         if self.workers is not None and self.workers < 1:
             raise InputError("", f"workers is {self.workers}, but must be an integer >= 1")
+        if self.progress is not None and not callable(self.progress):
+            raise InputError("", f"progress is {self.progress!r}, not a function of muscle, stage, fraction")
 
 
 def run_options(given: Mapping[str, Any], settings: Iterable[str] = ()) -> RunOptions:
@@ -82,7 +84,7 @@ def run_options(given: Mapping[str, Any], settings: Iterable[str] = ()) -> RunOp
     names = [field.name for field in fields(RunOptions)]
     for name in given:
         if name not in names:
-            raise TypeError(f"a run has no option {name!r}; {suggestion(name, [*names, *settings])}")
+            raise TypeError(f"there is no option {name!r}; {suggestion(name, [*names, *settings])}")
     return RunOptions(**given)
 
 

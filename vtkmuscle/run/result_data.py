@@ -330,7 +330,7 @@ class ResultData(ByName):
         data = xarray.Dataset()
         for name, table in tables.items():
             cube = table.to_frame().set_index([axis for axis in axes if axis in table])
-            data = data.merge({name: cube[name.removeprefix("fibre_")].to_xarray()})
+            data = data.merge({name: cube[name.removeprefix("fibre_")].to_xarray()}, join="outer")
         times = dict(zip(self.frames, self.times, strict=True))
         return data.assign_coords(time=("frame", [times[frame] for frame in data["frame"].values]))
 

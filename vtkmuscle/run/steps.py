@@ -17,6 +17,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, check_name, fault_of
 from vtkmuscle.core.mesh.shared import keep_shared
+from vtkmuscle.io.csv_table import csv_rows
 from vtkmuscle.io.surfaces import Series
 from vtkmuscle.io.writing import Outputs
 from vtkmuscle.plotting.views import DrawnBones
@@ -26,8 +27,8 @@ from vtkmuscle.run.muscles import MuscleRun, SceneRun
 from vtkmuscle.run.pool import ENDED, Pool, pool_size, track_in
 from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
-from vtkmuscle.run.store import FORMAT, PAGE, ResultFolder
-from vtkmuscle.run.store.writing import DIGITS, ResultWriter, claimed, digests, remove_results, scene_file
+from vtkmuscle.run.store import FORMAT, PAGE, ResultFolder, writing
+from vtkmuscle.run.store.writing import DIGITS, ResultWriter
 from vtkmuscle.run.table import MomentArmTable, Table, error_sizes
 from vtkmuscle.run.verdict import Judged, further_reasons, missing_checks, with_reasons
 from vtkmuscle.scene.data import SceneData, SceneError
@@ -57,7 +58,7 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
         pool, jobs = _started(run, tracks, stack)
         odd = check_sense(scene) if options.sense else []
         if store is not None and out is not None:
-            stack.enter_context(claimed(out, scene, overwrite=options.overwrite))
+            stack.enter_context(writing.claimed(out, scene, overwrite=options.overwrite))
             stack.callback((pool or ExitStack()).close)  # no process writes when the folder is tidied
         own = {"taken_over": list(tracks), "sense": [str(error) for error in odd]}
         report = _first_report(run, tracks) | own
@@ -65,7 +66,7 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
         with _reported(store, report, tracks, result_of):
             drawing = None
             if store is not None:
-                remove_results(store.path, scene, list(tracks))
+                writing.remove_results(store.path, scene, list(tracks))
                 store.write_report(report)
                 drawing = Drawing(store.path / "figures", pool, bones) if options.figures else None
             (run if pool is None else pool).checked.set()
@@ -138,9 +139,13 @@ def run_only(
     outputs = None if out is None else Outputs(Path(out), inputs=scene.files, overwrite=overwrite)
     if outputs is not None and not overwrite and ResultFolder(outputs.folder).report() is not None:
         raise InputError(outputs.folder, "the folder has the results of a run", "give another --out")
-    for name in [f"{name}.pvd" for name in scene.muscles] if what == "surfaces" else [f"{what}.csv"]:
-        if outputs is not None:
-            outputs.check(outputs.folder / name)
+    names = [f"{name}.pvd" for name in scene.muscles] if what == "surfaces" else [f"{what}.csv"]
+    if outputs is not None:
+        for file in map(outputs.folder.joinpath, names):
+            outputs.check(file)
+            rows = csv_rows(file) if what != "surfaces" and file.is_file() and not overwrite else ()
+            there = dict.fromkeys(cells[0] for _, cells in rows)
+            writing.check_lost(file, [name for name in there if name not in ("muscle", *scene.muscles)])
     numbers = frame_numbers(frames, len(scene.motion.times))
     run = SceneRun(scene, numbers, None, RunOptions(workers=workers, progress=progress), what)
     report, tracks = _first_report(run, {}), Tracks()
@@ -281,12 +286,14 @@ def _first_report(run: SceneRun, tracks: Tracks) -> dict[str, Any]:
         "format": FORMAT,
         "scene": scene.name,
         "deformer": scene.deformer,
-        "scene_file": scene_file(scene),
+        "quality": scene.quality,
+        "paths": None if scene.paths is None else dict(scene.paths),
+        "scene_file": writing.scene_file(scene),
         "units": scene.units,
         "complete": False,
         "versions": versions(),
         "files": {key or "scene": str(path) for key, path in scene.files.items()},
-        "sha256": digests(scene),
+        "sha256": writing.digests(scene),
         "frames": list(run.numbers),
         "times": [float(scene.motion.times[number]) for number in run.numbers],
         "definitions": dict(DEFINITIONS),

@@ -70,8 +70,7 @@ class Reason:
     do: str
 
     def __str__(self) -> str:
-        limit = _worded(self.limit, self.unit)
-        beyond = f" (limit {limit})" if self.limit else ""
+        beyond = f" (limit {_worded(self.limit, self.unit)})" if self.limit else ""
         return f"{self.verdict}, frame {self.frame} (time {self.time:g}): {self.says}{beyond}; {self.do}"
 
 
@@ -203,22 +202,28 @@ class Judged:
         """Mean length of the fibres at rest, tendon included [mm]; 0 without fibres."""
         if self.track.rest_fibres is None:
             return 0.0
-        lengths = polylines_of(self.track.rest_fibres, "fibres").lengths
-        return float(lengths.mean()) * self.scene.millimetres
+        return float(polylines_of(self.track.rest_fibres, "fibres").lengths.mean()) * self.scene.millimetres
 
 
 def further_reasons(muscle: Judged, odd: Sequence[SceneError]) -> Iterator[Reason]:
     """Yield reasons for a look at a muscle; ``odd`` are the implausible parts of the scene."""
-    own = f"muscles.{muscle.name}."
     for error in odd:
-        # The scale of a scene is no property of a muscle.
-        if error.key.startswith(own) or not error.key.startswith(("muscles.", "units")):
+        if _concerns(error.key, muscle):
             yield _look(muscle, "plausible", (0.0, 0.0, ""), f"{error.key}: {error.problem}", error.remedy)
     if muscle.path > 0.0:
         yield from _hill(muscle)
         yield from _fascicles(muscle)
         for arms in muscle.arms.values():
             yield from _arms(muscle, arms)
+
+
+def _concerns(key: str, muscle: Judged) -> bool:
+    """Return whether a key is of a muscle or its joints."""
+    if key.startswith(("muscles.", "units")):  # the scale of a scene is no property of a muscle
+        return key.startswith(f"muscles.{muscle.name}.")
+    crossed = muscle.scene.muscles[muscle.name].crosses
+    moved = muscle.scene.joints.get(key.removeprefix("guessed.joints.").partition(".")[0])
+    return not moved or crossed is None or not {*crossed}.isdisjoint(moved)
 
 
 def missing_checks(muscle: Judged) -> dict[str, str]:

@@ -106,6 +106,7 @@ class SceneData:
     quality: str | None = None
     frame: str = "LPS"
     guessed: Mapping[str, float] = field(default_factory=dict)
+    joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     files: Mapping[str, Path] = field(default_factory=dict)
 
     @property

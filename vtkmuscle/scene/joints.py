@@ -99,6 +99,10 @@ class SceneJoints:
         """Return the free coordinates that move bones relative to each other."""
         return self.tree.crossed([self.bodies[bone] for bone in bones])
 
+    def coordinates(self) -> dict[str, tuple[str, ...]]:
+        """Return the free coordinates by joint."""
+        return {one.name: self.tree.crossed([one.parent, one.child]) for one in self.tree.joints}
+
     def motion(self, table: schema.SceneTable, files: SceneFiles) -> RigidMotion:
         """Return the bones' motion by the scene's file or grid of coordinates."""
         times, values = coordinate_values(table, self.tree, files)

@@ -58,6 +58,7 @@ def read_fields(path: Path) -> dict[str, Any]:
         "solver": table.solver.given(),
         "fixing": table.fixing.given(),
         "files": files.paths,
+        "joints": {} if joints is None else joints.coordinates(),
         "paths": None if table.paths is None else table.paths.given(),
     }
     return fields if table.mirror is None else _mirrored(fields, table.mirror)

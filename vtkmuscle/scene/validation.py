@@ -123,7 +123,7 @@ def _unknown_bone(key: str, bone: str, bones: Collection[str]) -> Iterator[_Faul
 
 def _of_muscle(name: str, scene: schema.SceneTable) -> Iterator[_Fault]:
     key, muscle, folded = f"muscles.{name}", scene.muscles[name], name.casefold()
-    taken = {muscle_name.casefold() for muscle_name in scene.muscles} - {folded}
+    taken = {other.casefold() for other in scene.muscles if other != name}
     if folded in _RESERVED or folded.removesuffix("_fibres") in taken:
         yield _fault("taken_name", key, name=name)
     if scene.deformer == "none" and muscle.fibres is None:

@@ -107,8 +107,7 @@ def test_no_more_than_the_largest_cut_is_taken_off():
     # An area along nearly the whole rod: its plane would leave nothing.
     long = area(lambda p: (p[:, 2] <= 85) & (p[:, 0] >= 9), 85.0)
     result = trimmed(parallel(), origin=long, largest_cut=0.25)
-    start = parallel()[:, 0, :2]
-    for fibre, foot in zip(result, start, strict=True):
+    for fibre, foot in zip(result, parallel()[:, 0, :2], strict=True):
         middle = fibre[(fibre[:, 2] > 27) & (fibre[:, 2] < 88)]
         assert len(middle) > 5
         assert_allclose(middle[:, :2], np.broadcast_to(foot, (len(middle), 2)), atol=1e-9)

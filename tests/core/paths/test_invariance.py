@@ -117,8 +117,7 @@ def test_bones_that_move_together_take_paths_with_them_and_leave_levers(make):
 def test_origin_and_insertion_may_be_exchanged(number):
     """Known paths, over all of the motion."""
     paths, poses = hinged(number)
-    other_way = remade(number, way=-1)
-    for here, there in zip(swept(paths, poses), swept(other_way, poses), strict=True):
+    for here, there in zip(swept(paths, poses), swept(remade(number, way=-1), poses), strict=True):
         np.testing.assert_allclose(there.lengths, here.lengths, atol=0.1)
         np.testing.assert_allclose(there.points[:, ::-1], here.points, atol=0.1)
 

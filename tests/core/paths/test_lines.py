@@ -52,8 +52,7 @@ def test_a_line_of_fewer_points_than_others_is_as_if_alone(rng):
     offsets = np.cumsum([0, *map(len, lines)])
     memory = [np.full((5, 6, 3), np.nan) for _ in range(20)]  # what is not written would be this
     del memory
-    together = evenly_spread(np.vstack(lines), offsets, 9)
-    for line, spread_line in zip(lines, together, strict=True):
+    for line, spread_line in zip(lines, evenly_spread(np.vstack(lines), offsets, 9), strict=True):
         np.testing.assert_array_equal(spread_line, spread(line, 9))
 
 

@@ -94,8 +94,7 @@ def test_a_strap_over_two_joints_has_both_rollers_as_levers_in_every_pose():
     numbers = [made.names.index(name) for name in ("middle", "distal")]
     for state in swept(known_paths("strap_over_two_joints"), made.poses()):
         lower = apply_transform(state.transforms[numbers[0]], [made.phantom.known["centres"]["lower"]])[0]
-        mean = levers(state, numbers, (0, 0, 0), AXIS).mean()
-        assert mean == pytest.approx(ARMS[0], abs=0.6)
+        assert levers(state, numbers, (0, 0, 0), AXIS).mean() == pytest.approx(ARMS[0], abs=0.6)
         assert levers(state, numbers[1:], lower, -AXIS).mean() == pytest.approx(-ARMS[1], abs=0.6)
 
 

@@ -179,8 +179,7 @@ def test_the_slivered_tendon_gets_as_much_longer_as_it_is_pulled():
 def test_slopes_of_lengths_are_levers_of_the_pull(number, mean, each):
     """On the mean of the fibres, and of each."""
     moving, states = up(number)
-    off = off_in_work(states, [moving], np.zeros(3), AXIS)
-    assert off.max() < each
+    assert off_in_work(states, [moving], np.zeros(3), AXIS).max() < each
     slopes = mean_slopes(lengths(states))
     arms = mean_levers(np.array([levers(state, [moving], np.zeros(3), AXIS) for state in states]))
     assert np.abs((slopes - arms).mean(axis=1)).max() < mean
@@ -223,8 +222,7 @@ def test_paths_between_plates_that_come_closer_lack_that_room(closer):
     paths = MusclePaths(fibres, held, held, slab, plates)
     poses = np.tile(np.eye(4), (2, 1, 1))
     poses[1, 0, 3] = -closer
-    squeezed = paths.follow(paths.rest, poses).squeezed
-    np.testing.assert_allclose(squeezed, closer, atol=0.05)
+    np.testing.assert_allclose(paths.follow(paths.rest, poses).squeezed, closer, atol=0.05)
 
 
 def test_a_fibre_of_no_length_is_refused():

@@ -31,8 +31,7 @@ def test_the_centre_is_that_of_the_area_however_landmarks_crowd():
     crowded = np.vstack([np.column_stack([side, 0 * side - 2.0, 0 * side]), SQUARE[1:]])
     ring = via_ring(crowded)
     np.testing.assert_allclose(ring.centre, 0.0, atol=1e-12)
-    back = ring.centre + ring.corners @ ring.axes
-    np.testing.assert_allclose(back, crowded, atol=1e-12)
+    np.testing.assert_allclose(ring.centre + ring.corners @ ring.axes, crowded, atol=1e-12)
 
 
 def test_the_other_way_round_is_the_same_ring_seen_from_below():
@@ -76,8 +75,7 @@ def test_a_ring_that_a_bone_takes_along_is_that_of_its_moved_landmarks(rng):
 
 def test_what_a_muscle_passes_through():
     points, triangles = box((-1.0, -1.0, -10.0), (1.0, 1.0, 10.0), 2.0)
-    ring = via_ring(SQUARE)
-    assert passes_through(ring, points, triangles)
+    assert passes_through(via_ring(SQUARE), points, triangles)
     assert passes_through(via_ring(0.1 * SQUARE), points, triangles)  # within the muscle
     assert passes_through(via_ring(np.add(SQUARE, [2.5, 0.0, 0.0])), points, triangles)  # in part
     assert not passes_through(via_ring(np.add(SQUARE, [4.0, 0.0, 0.0])), points, triangles)  # beside it

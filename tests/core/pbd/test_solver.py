@@ -16,8 +16,7 @@ BOTH = pytest.mark.parametrize("published", [False, True])
 
 def solver_of(mesh=None, *, bones=(), published=False, **settings):
     """Return the solver of a spindle; as printed with voxels, else with signed distances."""
-    printed = PUBLISHED if published else {}
-    parameters = Parameters(**{**printed, "iterations": 10, **settings})
+    parameters = Parameters(**{**(PUBLISHED if published else {}), "iterations": 10, **settings})
     voxels = (20**3, None) if published else None
     return PBDSolver(FixedMuscle(*(mesh or spindle(seed=0))), parameters, dict(bones), 0.0, voxels)
 

@@ -21,8 +21,7 @@ def box_bone(bone, low, high):
 
 
 def settling_of(*bones, points=POINTS, fixed_to=FIXED_TO):
-    shape = RestShape(points, mesh_topology(len(points), TRIANGLES))
-    return Settling(shape, fixed_to, dict(bones))
+    return Settling(RestShape(points, mesh_topology(len(points), TRIANGLES)), fixed_to, dict(bones))
 
 
 def carried(depth=0.0, squeeze=1.0):

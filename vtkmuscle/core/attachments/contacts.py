@@ -182,6 +182,5 @@ def _parts(edges: Ints, mask: Bools, far: int) -> Iterator[Ints]:
     """Yield connected parts, with points cut off from a far point."""
     labels = point_components(len(mask), edges[mask[edges].all(axis=1)])
     for label in np.unique(labels[mask]):
-        part = mask & (labels == label)
-        rest = point_components(len(mask), edges[~part[edges].any(axis=1)])
+        rest = point_components(len(mask), edges[~(mask & (labels == label))[edges].any(axis=1)])
         yield np.intersect1d(edges, np.flatnonzero(rest != rest[far]))

@@ -95,8 +95,7 @@ class EmbeddedPoints:
         _, nearest, distances = self._bent.nearest(positions[outside])
         far = distances > self.gap[outside]
         out, nearest = outside[far], nearest[far]
-        part = (self.gap[out] / distances[far])[:, None]
-        positions[out] = nearest + part * (positions[out] - nearest)
+        positions[out] = nearest + (self.gap[out] / distances[far])[:, None] * (positions[out] - nearest)
 
 
 #: Added to the unit diagonal of the correction's equations: means may lie in one plane. A thousandth of the

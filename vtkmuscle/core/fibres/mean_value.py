@@ -117,8 +117,7 @@ def weights_of(mesh: CoordinateMesh, queries: Floats, *, first: int = 0) -> Floa
 
     def work(begin: int) -> None:
         rows = slice(begin, begin + LANES)
-        tolerance = mesh.diagonal * ON_SURFACE
-        weights[rows], residuals[rows] = weights_of_lanes(mesh, centred[rows], tolerance)
+        weights[rows], residuals[rows] = weights_of_lanes(mesh, centred[rows], mesh.diagonal * ON_SURFACE)
 
     with ThreadPoolExecutor(processors()) as pool:
         list(pool.map(work, range(0, len(queries), LANES)))

@@ -98,8 +98,7 @@ def steps_to_centres(points: Floats, offsets: Ints, within: Cloud) -> Floats:
     pieces = int(np.clip(np.ceil(2.0 * step / spacing), 1, PIECES))
     scales = np.array([1.0, 1.0, ALONG_ROWS]) / max(spacing, float(extent.max()) / FINEST)
     shape = (extent * scales).astype(np.int64) + 1
-    band = max(OVERLAP * spacing**2, 1e-300)
-    pulls, weights = _pulls(lines, pieces, within, (low, scales, shape), band)
+    pulls, weights = _pulls(lines, pieces, within, (low, scales, shape), max(OVERLAP * spacing**2, 1e-300))
     wide = spacing / max(step, 1e-300)
     blur = _blur(int(np.clip(2.0 * wide**2, LEAST_BLUR, 2 * STATIONS**2)))
     return _between(points, offsets, _across(lines, pulls, weights, blur))

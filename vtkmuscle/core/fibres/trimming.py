@@ -73,8 +73,7 @@ def trim_fibres(
     """
     backwards = points[np.repeat(offsets[:-1] + offsets[1:] - 1, np.diff(offsets)) - np.arange(offsets[-1])]
     starts = _new_ends(backwards, offsets, -axis, areas[0], limits)
-    ends = _new_ends(points, offsets, axis, areas[1], limits)
-    result = _replaced_ends(points, offsets, starts, ends)
+    result = _replaced_ends(points, offsets, starts, _new_ends(points, offsets, axis, areas[1], limits))
     inner = polylines.inner_points(offsets)
     result[inner] = limits[0](result[inner])
     return result

@@ -203,8 +203,7 @@ class Volume:
     def __init__(self, shape: RestShape, free: Bools) -> None:
         self._triangles, self._rest = shape.topology.triangles, shape.volume
         self._mass: Floats = free.astype(np.float64)
-        areas = np.linalg.norm(shape.volume_gradient, axis=1)
-        self._floor = VOLUME_FLOOR * float(self._mass @ areas**2)
+        self._floor = VOLUME_FLOOR * float(self._mass @ np.linalg.norm(shape.volume_gradient, axis=1) ** 2)
         self._gradient: Floats = np.empty_like(shape.points)
 
     def restore(self, points: Floats, held: Bools | None = None) -> float:

@@ -195,8 +195,7 @@ def welded(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
     """
     used, of_corner = np.unique(triangles, return_inverse=True)
     distinct, of_used = np.unique(points[used], axis=0, return_inverse=True)
-    corners = of_used.reshape(-1)[of_corner.reshape(-1)].reshape(-1, 3).astype(np.int64)
-    return distinct, _proper(corners)
+    return distinct, _proper(of_used.reshape(-1)[of_corner.reshape(-1)].reshape(-1, 3).astype(np.int64))
 
 
 def _consistent(triangles: Ints) -> tuple[Ints, int]:

@@ -146,8 +146,7 @@ def frames_of_sweep(motion: RigidMotion, coordinate: str) -> Bools:
     values = motion.coordinates[coordinate].values
     start, end = 0, len(values)
     for table in motion.transforms.values():
-        rotations = Rotation.from_matrix(table[:, :3, :3].copy())
-        for first, second in _conflicts(values, rotations):
+        for first, second in _conflicts(values, Rotation.from_matrix(table[:, :3, :3].copy())):
             start, end = max(start, first + 1), min(end, second)
     kept = np.zeros(len(values), dtype=np.bool_)
     kept[slice(start, None) if len(values) - start >= end else slice(0, end)] = True

@@ -182,7 +182,6 @@ def _distances_from_rectangle(sides: Floats, areas: Floats) -> FloatMap:
         centred = positions - positions.mean(axis=1, keepdims=True)
         squares = (centred**2).sum(axis=2).mean(axis=1) + (rectangle**2).sum(axis=1).mean()
         products = cyclic_products(np.broadcast_to(rectangle, centred.shape), centred)
-        weights = np.maximum(along, 0.0) ** 2
-        return np.asarray(weights[:, None] * (squares[:, None] - 2.0 * products))
+        return np.asarray((np.maximum(along, 0.0) ** 2)[:, None] * (squares[:, None] - 2.0 * products))
 
     return costs

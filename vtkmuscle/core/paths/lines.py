@@ -96,13 +96,11 @@ def lines_on_surface(points: Floats, topology: MeshTopology, fixed_to: Ints) -> 
         return None
     down, up = (_steepest(points, topology.edges, sign * field, fixed_to) for sign in (-1.0, 1.0))
     free = np.flatnonzero(fixed_to < 0)
-    lines = []
     # Of points on one line each would give it again.
     seeds = free[:: max(1, len(free) // STAND_INS)]
-    for way in {(*reversed(_walk(seed, down)), *_walk(seed, up)[1:]): None for seed in seeds}:
-        ends = fixed_to[way[0]], fixed_to[way[-1]]
-        if len(way) > 2 and min(ends) >= 0:
-            lines.append(points[list(way)])
+    ways = {(*reversed(_walk(seed, down)), *_walk(seed, up)[1:]): None for seed in seeds}
+    whole = (way for way in ways if len(way) > 2 and fixed_to[way[0]] >= 0 and fixed_to[way[-1]] >= 0)
+    lines = [points[list(way)] for way in whole]
     if not lines:
         return None
     offsets = np.cumsum([0, *map(len, lines)])

@@ -118,8 +118,7 @@ def _nearest_across(fibres: Floats, count: int, same: float) -> Ints:
         distance[~beside] = np.inf
         counted = np.where(distance > same, distance, np.inf)
         last = min(count, f) - 1
-        reach = np.partition(counted, last, axis=1)[:, last, None]
-        beside &= distance <= (1.0 + SAME) * reach
+        beside &= distance <= (1.0 + SAME) * np.partition(counted, last, axis=1)[:, last, None]
         found.append(np.column_stack([here[beside], numbers[beside]]))
     ways = np.concatenate(found)
     if count > RING:
@@ -163,8 +162,7 @@ def _add_steps(points: Floats, lengths: Floats) -> None:
 
 def path_widths(points: Floats, lengths: Floats) -> Floats:
     """Return paths' relative widths. The volume is constant, and ``lengths`` (f,) are at rest."""
-    stretch = path_lengths(points) / lengths
-    return np.asarray(1.0 / np.sqrt(stretch.clip(LEAST_STRETCH, GREATEST_STRETCH)))
+    return np.asarray(1.0 / np.sqrt((path_lengths(points) / lengths).clip(LEAST_STRETCH, GREATEST_STRETCH)))
 
 
 def widening(points: Floats, lengths: Floats) -> Floats:

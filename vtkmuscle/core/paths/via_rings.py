@@ -113,8 +113,7 @@ def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
         return False
     part = (heights[cut, 0] / (heights[cut, 0] - heights[cut, 1]))[:, None]
     ends = points[edges[cut]]
-    outline = ends[:, 0] + part * (ends[:, 1] - ends[:, 0])
-    if within_ring(ring, outline).any():
+    if within_ring(ring, ends[:, 0] + part * (ends[:, 1] - ends[:, 0])).any():
         return True
     return bool(points_inside(ring.centre[None], triangle_tree(points, triangles.astype(np.int64)))[0])
 

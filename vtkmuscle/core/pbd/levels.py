@@ -100,8 +100,7 @@ class TwoLevels:
         _products(*self._rings, coarse, products)
         turns, carried = nearest_rotations(products), np.empty_like(rest)
         shifts = coarse - np.einsum("cij,cj->ci", turns, self._coarse)
-        motions = np.hstack([turns.reshape(-1, 9), shifts])
-        _carry(motions, self._carriers, self._parts, rest, carried)
+        _carry(np.hstack([turns.reshape(-1, 9), shifts]), self._carriers, self._parts, rest, carried)
         now, fixed = transforms[self._fixed_to], self._fixed
         residual = (now[:, :3, :3] @ rest[fixed, :, None])[:, :, 0] + now[:, :3, 3] - carried[fixed]
         carried[self._along] += self._near[:, None] * residual[self._nearest]

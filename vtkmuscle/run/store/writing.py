@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import threading
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -128,7 +128,6 @@ def _muscles_of(report: Mapping[str, Any] | None) -> Iterator[str]:
 
 def _check_results(folder: Path, scene: SceneData, report: Mapping[str, Any] | None) -> None:
     """Raise a ValueError where results of a different scene, or files of no run, would be lost."""
-    insist = "give another folder with --out, or --overwrite (overwrite=True)"
     if report is None:
         for path in map(folder.joinpath, _outputs(scene.muscles)):
             for file in filter(Path.is_file, (path, *path.rglob("*"))):
@@ -137,10 +136,19 @@ def _check_results(folder: Path, scene: SceneData, report: Mapping[str, Any] | N
     before, now = report.get("scene_file"), scene_file(scene)
     if report.get("scene") != scene.name or (before and now and before != now):
         of = f" of {before}" if before else ""
-        raise InputError(folder, f"the folder has results of the scene {report.get('scene')!r}{of}", insist)
+        raise InputError(folder, f"the folder has results of the scene {report.get('scene')!r}{of}", _INSIST)
     left = [name for name in _muscles_of(report) if name not in scene.muscles]
-    if lost := [name for name in left if ResultFolder(folder).note_file(name).is_file()]:
-        raise InputError(folder, f"the run would remove the finished results of {', '.join(lost)}", insist)
+    check_lost(folder, [name for name in left if ResultFolder(folder).note_file(name).is_file()])
+
+
+#: What to do where results would be lost.
+_INSIST = "give another folder with --out, or --overwrite (overwrite=True)"
+
+
+def check_lost(place: Path, muscles: Sequence[str]) -> None:
+    """Raise an InputError if a run would remove muscles."""
+    if muscles:
+        raise InputError(place, f"the run would remove the finished results of {', '.join(muscles)}", _INSIST)
 
 
 #: Digits of the numbers in tables, and the tables that have all digits.
@@ -188,8 +196,7 @@ class ResultWriter(ResultFolder):
                 files.append(self._series[series].path)
         own: dict[str, Any] = {"key": self.keys[name], "has_fibres": track.rest_fibres is not None}
         own |= {field: getattr(track, field) for field in TRACK_FIELDS}
-        note = MuscleNote(**own, files=self._sizes(files))
-        writing.write_json(self.note_file(name), note.model_dump())
+        writing.write_json(self.note_file(name), MuscleNote(**own, files=self._sizes(files)).model_dump())
 
     def write_bones(self, scene: SceneData, stop: threading.Event) -> None:
         """Write the bones over time until ``stop``; a bone at rest throughout is written once."""
