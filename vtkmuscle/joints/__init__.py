@@ -19,8 +19,7 @@ def steps_of(start: float, stop: float, step: float) -> Floats:
     [0.0, 2.0, 4.0, 5.0]
     """
     # A whole number of steps, up to rounding, ends at stop.
-    before = int(np.ceil((stop - start) / step - 1e-9))
-    return np.append(start + step * np.arange(before), stop)
+    return np.append(start + step * np.arange(int(np.ceil((stop - start) / step - 1e-9))), stop)
 
 
 def grid_of(axes: Mapping[str, Floats]) -> dict[str, Floats]:

@@ -40,8 +40,7 @@ def number(value: Any, digits: int = 3) -> str:
     if size >= 10.0 ** (digits - 1):
         return f"{value:,.0f}".replace(",", "\u202f").replace("-", "\u2212")
     decimals = max(0, digits - 1 - int(np.floor(np.log10(size))))
-    text = f"{value:.{decimals}f}" if size >= 1e-3 else f"{value:.1e}"
-    return text.replace("-", "\u2212")
+    return (f"{value:.{decimals}f}" if size >= 1e-3 else f"{value:.1e}").replace("-", "\u2212")
 
 
 class Cell(NamedTuple):

@@ -251,8 +251,7 @@ def coordinate_values(
     if count > MOST_FRAMES:
         raise SceneError(f"the grid has {count} poses", key, "choose larger steps", where)
     values = grid_of({name: column * _unit(tree, name) for name, column in grid.items()})
-    times = next(iter(grid.values())) if len(grid) == 1 else np.arange(float(count))
-    return times, values
+    return (next(iter(grid.values())) if len(grid) == 1 else np.arange(float(count))), values
 
 
 def _key(table: schema.SceneTable) -> str:

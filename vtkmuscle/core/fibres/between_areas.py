@@ -292,6 +292,5 @@ def _uncross(starts: Floats, ends: Floats, end_of: Ints) -> None:
         rank = np.full(len(starts), len(crossing))
         np.minimum.at(rank, pairs[crossing].reshape(-1), np.repeat(np.arange(len(crossing)), 2))
         first = rank[pairs[crossing]]
-        chosen = crossing[(first == np.arange(len(crossing))[:, None]).all(axis=1)]
-        i, j = pairs[chosen].T
+        i, j = pairs[crossing[(first == np.arange(len(crossing))[:, None]).all(axis=1)]].T
         end_of[i], end_of[j] = end_of[j], end_of[i]

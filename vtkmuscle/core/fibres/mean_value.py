@@ -262,8 +262,7 @@ def _see_near(
     s, terms = _dot(g, b), _dot(g, abs(b))
     lost = abs(s) <= FLAT * terms
     s[lost] = -0.5 * _flat_excess(h[lost], *(some[..., lost] for some in (b, g, sides, firsts, seconds)))
-    along = _dot((g * sides).sum(axis=1)[:, None], sides)
-    added = b * (s / (h * areas)) + (h / areas) * along
+    added = b * (s / (h * areas)) + (h / areas) * _dot((g * sides).sum(axis=1)[:, None], sides)
     on_edge = (dots < 0.0) & (cross**2 <= tolerance**2 * length2)
     on = on_edge.any(axis=0) | ((abs(h) <= tolerance) & (b > 0.0).all(axis=0))
     counts = ~on & (h != 0.0)

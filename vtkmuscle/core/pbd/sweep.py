@@ -253,8 +253,7 @@ def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
     absolute value. The directions v (k, 3) of the fibres are unit vectors, 0 at edges without a direction.
     """
     along = unit_vectors(points[edges[:, 1]] - points[edges[:, 0]])
-    cosines = np.abs(np.einsum("ij,ij->i", along, directions))
-    return np.asarray(1.0 - np.minimum(cosines, 1.0))
+    return np.asarray(1.0 - np.minimum(np.abs(np.einsum("ij,ij->i", along, directions)), 1.0))
 
 
 def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) -> Floats:
