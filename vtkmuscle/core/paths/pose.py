@@ -38,7 +38,7 @@ ITERATIONS = 300
 #: a supraspinatus without room takes half as many steps as without it, 18 other real muscles 1 % fewer.
 PLAIN_STEPS, KEPT_STIFFNESS = 20, 0.95
 
-#: Earlier points whose gradients improve a step: with 2 a seventh fewer steps are taken than with none, in 18
+#: Earlier points whose gradients improve a step: with 2 a quarter fewer steps are taken than with none, in 19
 #: real muscles, and half as many where fibres are about to snap; 4 gain nothing more.
 SECANTS = 2
 
