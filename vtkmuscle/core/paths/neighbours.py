@@ -43,7 +43,6 @@ LEAST_STRETCH, GREATEST_STRETCH = 0.25, 4.0
 #: Distances that differ by less than this part of the greater, or of a path's length, are the same.
 SAME = 1e-9
 
-
 #: Pairs of a row, computed side by side: four vectors of eight numbers.
 WIDTH = 32
 
