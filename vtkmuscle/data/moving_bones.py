@@ -96,12 +96,12 @@ def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
 
 
 def fixed_muscle(
-    muscle: Surface, bones: Sequence[str], fibres: Polylines | None, force: Sequence[float] = (), **rings: Any
+    muscle: Surface, bones: Sequence[str], fibres: Polylines | None, *, driven: bool = False, **rings: Any
 ) -> FixedMuscle:
     """Return a muscle at rest. Raise an InputError if no point is fixed and no force drives the muscle."""
     lines = None if fibres is None else (fibres.points, fibres.offsets)
     fixed = FixedMuscle(muscle.points, muscle.triangles, fixed_points_of(muscle, bones), lines, **rings)
-    if (fixed.fixed_to < 0).all() and not any(force):
+    if (fixed.fixed_to < 0).all() and not driven:
         problem = "no point is fixed to a bone, so the muscle would not move"
         raise InputError(muscle.where, problem, "detect fixed points by another method or distance")
     return fixed

@@ -149,7 +149,7 @@ class PathDeformer(Filter):
     ) -> tuple[vtkPolyData, vtkPolyData | None]:  # fmt: skip
         """Return the muscle and, on request, the fibres at the requested time."""
         rest_bones.check_same(bones)
-        fixed = self.once("rest", (muscle, list(rest_bones.surfaces), fibres), fixed_muscle)
+        fixed = fixed_muscle(muscle, list(rest_bones.surfaces), fibres)
         rest, now = (None, None) if paths is None else (paths.rest, paths.points)
         made_from = fixed, rest, rest_bones.shapes, self.bone_clearance
         with errors_at("muscle"):

@@ -123,8 +123,8 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
         start: Surface | None, neighbours: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:  # fmt: skip
         """Return the muscle at the requested time."""
-        force = self.external_force if self.prediction == "velocity" else ()
-        rest = self.once("rest", (muscle, list(bones.surfaces), fibres, force), fixed_muscle)
+        driven = self.prediction == "velocity" and any(self.external_force)
+        rest = fixed_muscle(muscle, list(bones.surfaces), fibres, driven=driven)
         rest_bones.check_same(bones)
         measured, collides = (self.measure_shape, self.measure_penetration), self.collision != "off"
         shapes = rest_bones.shapes if collides or self.measure_penetration else {}

@@ -80,7 +80,8 @@ class Table(Mapping[str, NDArray[Any]]):
     def __getitem__(self, column: str) -> NDArray[Any]:
         if column not in self._names:
             raise KeyError(column)
-        return np.concatenate([part[self._names.index(column)].ravel() for part in self._parts])
+        i = self._names.index(column)
+        return np.concatenate([part[i].ravel() for part in self._parts])
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)

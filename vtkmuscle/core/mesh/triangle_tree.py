@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 from weakref import WeakValueDictionary
 
@@ -159,7 +159,7 @@ def _filled(points: Floats, triangles: Ints, order: Ints) -> TriangleTree:
     return TriangleTree(points, triangles, order, corners, boxes, bounds)
 
 
-@cache
+@lru_cache(16)
 def _leaf_bounds(count: int) -> Ints:
     """Return the first triangle of each leaf, and the count, (2^k + 1,); boxes are halved, rounded down."""
     bounds = np.array([0, count])

@@ -200,4 +200,3 @@ class Filter(Runnable, Algorithm):
             for index in range(self.GetNumberOfInputConnections(port))
         ]
         self._arguments.clear()
-        self._kept.pop("rest", None)  # a muscle at rest, which keeps the argument alive
