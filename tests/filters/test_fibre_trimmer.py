@@ -55,6 +55,16 @@ def test_it_says_how_many_fibres_end_on_the_areas_as_they_are(muscle):
     assert field_array(FibreTrimmer()(led, muscle, attachments_from(areas())), "EndsKept").min() > 0.9
 
 
+def test_fibres_at_the_rim_of_an_area_keep_their_ends_or_share_all_of_it(muscle):
+    feet = 9 * np.exp(2j * np.pi * np.arange(30) / 30)
+    levels = LENGTH * np.linspace(0, 1, 16)
+    rim = [np.column_stack([np.tile([foot.real, foot.imag], (16, 1)), levels]) for foot in feet]
+    flat = attachments_from(areas(0.0, LENGTH))
+    assert_array_equal(field_array(FibreTrimmer()(lines_of(rim), muscle, flat), "EndsKept"), [1.0, 1.0])
+    for ends in ends_of(FibreTrimmer(end_rule="shared")(lines_of(rim), muscle, flat)):
+        assert (np.linalg.norm(ends[:, :2], axis=1) < 6).sum() > 5
+
+
 def test_several_areas_of_a_role_are_used_together(muscle):
     # Two areas side by side on the bottom face.
     quarter = np.array([[1, 9], [1, -9], [9, -9], [9, 9.0]])

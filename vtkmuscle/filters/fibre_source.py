@@ -154,7 +154,7 @@ class FibreSource(Filter):
         # Isolines run between areas that are apart.
         method = "plane" if len(np.intersect1d(origin, insertion)) else "harmonic"
         morphed = SliceMorpher(method=method)(fitted, muscle.data, areas, superficial)
-        trimmed = FibreTrimmer()(morphed, muscle.data, areas)
+        trimmed = FibreTrimmer(end_rule="shared")(morphed, muscle.data, areas)
         result: vtkPolyData = FibreSmoother()(trimmed, muscle.data, areas)
         return add_arrays(result, fields={"Course": "sections"})
 

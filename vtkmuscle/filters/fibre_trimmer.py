@@ -44,8 +44,9 @@ class FibreTrimmer(Filter):
     attachments
         Areas of both roles, landmarks near the muscle.
     end_rule
-        End of a fibre: a share of the area, or the point of the area closest to the fibre's ray (Kohout et
-        al. 2012), without new spacing of points.
+        End of a fibre: its own where most fibres end on the area, else a share of the area; always a share,
+        as isolines may end all fibres at the rim and leave the muscle behind the area bare; or the point of
+        the area closest to the fibre's ray (Kohout et al. 2012), without new spacing of points.
 
     Attributes
     ----------
@@ -83,7 +84,7 @@ class FibreTrimmer(Filter):
     (20, True)
     """
 
-    end_rule = Parameter(str, default="shared", choices=("shared", "closest"))
+    end_rule = Parameter(str, default="kept", choices=("kept", "shared", "closest"))
 
     fibres = ports.Lines()
     muscle = ports.Surface()
@@ -107,7 +108,8 @@ class FibreTrimmer(Filter):
             printed = ends_as_printed(points, offsets, axis=axis, origin=origin, insertion=insertion)
             return fibres.moved(*printed)
         limits = geometry.solids.into, TOLERANCE * geometry.mean_edge, LARGEST_CUT
-        trimmed = trim_fibres(points, offsets, axis=axis, areas=(origin, insertion), limits=limits)
+        areas, keep = (origin, insertion), self.end_rule == "kept"
+        trimmed = trim_fibres(points, offsets, axis=axis, areas=areas, limits=limits, keep=keep)
         kept = (trimmed == points).all(axis=1)
         shares = np.array([kept[end].mean() for end in ends])
         return add_arrays(fibres.moved(trimmed), fields={"EndsKept": shares})

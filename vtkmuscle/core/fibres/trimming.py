@@ -52,16 +52,17 @@ class EndArea(NamedTuple):
 
 
 def trim_fibres(
-    points: Floats, offsets: Ints, *, axis: Floats, areas: tuple[EndArea, EndArea], limits: _Limits
-) -> Floats:
+    points: Floats, offsets: Ints, *, axis: Floats, areas: tuple[EndArea, EndArea], limits: _Limits,
+    keep: bool = True,
+) -> Floats:  # fmt: skip
     """Return fibres (n, 3) from area to area. The number of points is kept.
 
     On each side a plane perpendicular to the axis, through the landmark deepest in the muscle, cuts the
     fibre, and a straight segment to a position on the area replaces the end (see :func:`assign_positions`).
     If the segment leaves the muscle or turns too far, other multiples of the cut are tried (:data:`CUTS`); if
-    none is allowed, the cut with the least violation is taken. Fibres that already end on an area, spread
-    over it, are kept. Points are then spaced evenly along each fibre, and points outside move to the nearest
-    point of the muscle.
+    none is allowed, the cut with the least violation is taken. With ``keep`` fibres that already end on an
+    area, spread over it, are kept. Points are then spaced evenly along each fibre, and points outside move to
+    the nearest point of the muscle.
 
     points, offsets : (n, 3), (k + 1,), fibres from origin to insertion [mm]; first point of each fibre, of
         two or more points, and n;
@@ -72,8 +73,9 @@ def trim_fibres(
         either end, at most 0.5.
     """
     backwards = points[np.repeat(offsets[:-1] + offsets[1:] - 1, np.diff(offsets)) - np.arange(offsets[-1])]
-    starts = _new_ends(backwards, offsets, -axis, areas[0], limits)
-    result = _replaced_ends(points, offsets, starts, _new_ends(points, offsets, axis, areas[1], limits))
+    starts = _new_ends(backwards, offsets, -axis, areas[0], limits, keep=keep)
+    ends = _new_ends(points, offsets, axis, areas[1], limits, keep=keep)
+    result = _replaced_ends(points, offsets, starts, ends)
     inner = polylines.inner_points(offsets)
     result[inner] = limits[0](result[inner])
     return result
@@ -105,13 +107,15 @@ def _replaced_ends(points: Floats, offsets: Ints, starts: _Ends, ends: _Ends) ->
     return result
 
 
-def _new_ends(points: Floats, offsets: Ints, direction: Floats, area: EndArea, limits: _Limits) -> _Ends:
+def _new_ends(
+    points: Floats, offsets: Ints, direction: Floats, area: EndArea, limits: _Limits, *, keep: bool
+) -> _Ends:
     """Return cut lengths and new ends at the last points."""
     into_muscle, tolerance, largest_cut = limits
     lengths = polylines.polyline_lengths(points, offsets)
     ends = points[offsets[1:] - 1]
     kept = _ends_on_area(ends, area, tolerance) & (_sharpest_turns(points, offsets) <= LARGEST_TURN)
-    kept &= kept.mean() > 0.5
+    kept &= keep and kept.mean() > 0.5
     extremal = (area.landmarks @ direction).min()
     cuts = np.minimum(beyond_plane(points, offsets, points @ direction - extremal), largest_cut * lengths)
     tried = np.minimum(np.outer(CUTS, cuts), largest_cut * lengths)
