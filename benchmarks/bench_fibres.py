@@ -23,7 +23,7 @@ from vtkmuscle.core.fibres.embedding import sparse_mean_value_coordinates, spars
 from vtkmuscle.core.fibres.mean_value import transport
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, polylines_of
+from vtkmuscle.data.arrays import blocks_of, cell_array, checked_surface, field_array, polylines_of
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, surface_of
 from vtkmuscle.filters import (
     FibreMetrics,
@@ -33,7 +33,6 @@ from vtkmuscle.filters import (
     SliceMorpher,
     TemplateFitter,
 )
-from vtkmuscle.io import fibre_summary
 
 Floats = NDArray[np.float64]
 
@@ -120,7 +119,6 @@ def random_points(geometry: MuscleGeometry) -> Floats:
 def quality(name: str, fibres: object, muscle: object, bones: object) -> None:
     """Print lengths, turns, points outside, coverage and penetration of fibres."""
     measured = FibreMetrics(architecture=True)(fibres, muscle)
-    summary = fibre_summary(measured)
     lines = polylines_of(fibres, "fibres")
     steps = np.diff(lines.points.reshape(len(lines), -1, 3), axis=1)
     steps /= np.linalg.norm(steps, axis=2, keepdims=True)
@@ -128,13 +126,13 @@ def quality(name: str, fibres: object, muscle: object, bones: object) -> None:
     signed = surface_of(muscle, "muscle").geometry.solids.distances(lines.points)
     outside = np.maximum(signed, 0.0)
     found, ideal, even = coverage(fibres, muscle)
-    length = summary["Length"]
+    length = cell_array(measured, "Length", "fibres")
     shapes = [bone_of(*checked_surface(bone, label)) for label, bone in blocks_of(bones)]
     depths = depth_in(((bone, np.eye(4)) for bone in shapes), lines.points)
     entered = np.maximum.reduceat(depths, lines.offsets[:-1])
     print(
-        f"{name:16s} length {length['mean']:6.1f} mm, sd {length['sd']:.1f}, {length['min']:.1f} to "
-        f"{length['max']:.1f}; largest turn {turns.max():.0f} deg; {(outside > 0.1).sum()} of {outside.size} "
+        f"{name:16s} length {length.mean():6.1f} mm, sd {length.std():.1f}, {length.min():.1f} to "
+        f"{length.max():.1f}; largest turn {turns.max():.0f} deg; {(outside > 0.1).sum()} of {outside.size} "
         f"points more than 0.1 mm outside; p95 to the nearest fibre {found:.2f} mm = {found / ideal:.2f} x "
         f"ideal ({found / even:.2f} x if spacing were the same in all sections); "
         f"{int((entered > 0.5).sum())} fibres more than 0.5 mm in bone, deepest "

@@ -21,6 +21,7 @@ class Made:
     muscle: str = "vastus_r"
     coordinate: str = "knee_angle_r"
     angles: np.ndarray = field(default_factory=lambda: ANGLES)
+    unit: str = "deg"
 
     def __post_init__(self):
         self.name, self.muscle_names, self.verdicts = "made", [self.muscle], {self.muscle: "ok"}
@@ -33,7 +34,8 @@ class Made:
         self.fibre_lengths = {}
         self.motion = SimpleNamespace(coordinates={self.coordinate: Coordinate(self.angles, "deg")})
         arms = JointArms(
-            *(self.coordinate, "deg", "", np.arange(len(rows)), self.angles, np.ones(len(rows))),
+            *(self.coordinate, self.unit, "", np.arange(len(rows))),
+            *(self.angles if self.unit == "deg" else np.radians(self.angles), np.ones(len(rows))),
             *(np.zeros(len(rows)), rows, rows, None, None),
         )
         self.report["muscles"][self.muscle]["moment_arms"] = {self.coordinate: {}}
@@ -104,6 +106,11 @@ def test_a_muscle_without_a_frame_has_a_row():
     compared = vtkmuscle.compare({"one": Made(), "other": failed})
     assert compared.table().where(run="other")["verdict"].tolist() == ["failed"]
     assert len(compared.figure().axes) == 2
+
+
+def test_angles_in_radians_are_compared_in_degrees():
+    arms = vtkmuscle.compare({"one": Made(), "other": Made(unit="rad")}).table().where(run="other")
+    assert arms["difference_rms"][-1] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_nothing_in_common_is_one_clear_error():

@@ -47,6 +47,15 @@ def test_published_curves_of_the_scene_are_compared(measured):
     np.testing.assert_allclose(measured[2].table.where(muscle=ALL)["published_rms_mm"], 3.0, atol=0.2)
 
 
+def test_published_curves_are_in_degrees_where_the_coordinate_is_in_radians(measured):
+    motion = measured[0].motion
+    ((name, angle),) = motion.coordinates.items()
+    turned = {name: replace(angle, values=np.radians(angle.values), unit="rad")}
+    scene = replace(measured[0], motion=replace(motion, coordinates=turned))
+    found = vtkmuscle.tradeoff(scene, frames="0:3", deformer=["none"])
+    np.testing.assert_allclose(found.table.where(muscle=ALL)["published_rms_mm"], 3.0, atol=0.2)
+
+
 def test_the_cheapest_setting_within_an_error_is_named_and_none_is_an_error(measured):
     found = measured[2]
     best = found.cheapest(within=100.0)

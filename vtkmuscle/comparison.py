@@ -215,8 +215,8 @@ def curves_of(result: Result, muscle: str) -> list[Curve]:
         coordinate, unit = side_apart(name), "mm" if joint.unit in ANGLES else "1"
         quantity = f"moment arm, {label_of(coordinate)}"
         if len(own) < 2 or (poses is None and (np.diff(joint.values) > 0.0).all()):
-            words = quantity, label_of(coordinate, joint.unit), unit
-            curves.append(_curve(words, joint.values, joint.arms))
+            words = quantity, label_of(coordinate, "deg" if joint.unit in ANGLES else joint.unit), unit
+            curves.append(_curve(words, joint.angles, joint.arms))
         else:
             of_frames = None if poses is None else poses[joint.frames]
             curves.append(_curve((quantity, over, unit), times[joint.frames], joint.arms, of_frames))

@@ -209,10 +209,10 @@ def _measured(result: Result, limit: Result | None, name: str) -> dict[str, Any]
     row |= dict.fromkeys(ERRORS, np.nan)
     arms = result.all_arms.get(name, {})
     off = [
-        joint.mean[inside] - np.interp(joint.values[inside], curve.angles, _middle(curve))
+        joint.mean[inside] - np.interp(joint.angles[inside], curve.angles, _middle(curve))
         for coordinate, joint in arms.items()
         for curve in drawn(curves_for(result.literature.get(name, ()), coordinate=coordinate))
-        if (inside := (joint.values >= curve.angles[0]) & (joint.values <= curve.angles[-1])).any()
+        if (inside := (joint.angles >= curve.angles[0]) & (joint.angles <= curve.angles[-1])).any()
     ]
     row["published_rms_mm"] = _rms(off)
     whole = len(result.frames)

@@ -19,7 +19,6 @@ from vtkmuscle.filters import (
     SliceMorpher,
     TemplateFitter,
 )
-from vtkmuscle.io import fibre_summary
 from vtkmuscle.phantoms import hip
 
 phantom = hip()
@@ -40,8 +39,8 @@ def nearest_ends(fibres):
 
 stages = {"morphed": morphed, "trimmed": trimmed, "smoothed": smoothed}
 for stage, fibres in stages.items():
-    length = fibre_summary(FibreMetrics()(fibres))["Length"]
-    print(f"{stage:8s} {length['mean']:.1f} mm long, sd {length['sd']:.1f}", end="")
+    length = pv.wrap(FibreMetrics()(fibres)).cell_data["Length"]
+    print(f"{stage:8s} {length.mean():.1f} mm long, sd {length.std():.1f}", end="")
     print(f"; ends {nearest_ends(fibres):.2f} mm apart")
 
 # %%

@@ -6,7 +6,6 @@ import pickle
 import subprocess
 import sys
 import warnings
-from operator import attrgetter
 
 import numba
 import pytest
@@ -172,19 +171,6 @@ def test_a_damaged_file_is_compiled_anew_and_found_whole_again(kernels, toy, loa
     assert (mended(3.0), again(3.0)) == (6.0, 6.0)
     assert (hits(mended), hits(again)) == (0, 1)
     assert pickle.loads(file.read_bytes())  # a part is refused; the length counts the kernels of the process
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["core.codegen.CPUCodegen.magic_tuple", "core.compiler.CompileResult._reduce", "core.serialize.dumps"],
-)
-def test_a_numba_that_lets_go_of_nothing_compiles_anew_each_time(kernels, toy, loaded, monkeypatch, name):
-    owner, _, attribute = name.rpartition(".")
-    monkeypatch.delattr(attrgetter(owner)(numba), attribute)
-    first, again = loaded(toy), loaded(toy)
-    with pytest.warns(UserWarning, match=f"cannot be kept in .*numba {numba.__version__}.*{attribute}"):
-        assert (first(3.0), again(3.0), hits(again)) == (6.0, 6.0, 0)
-    assert not kernels.exists()
 
 
 def test_a_kernel_within_a_function_is_compiled_for_what_it_is_made_from(kernels):

@@ -7,7 +7,7 @@ from shapes import lines_of
 
 from vtkmuscle.data.arrays import add_arrays, cell_array
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
-from vtkmuscle.io import fibre_summary, write_fibre_table
+from vtkmuscle.io import write_fibre_table
 
 
 @pytest.fixture
@@ -24,12 +24,6 @@ def test_the_table_has_a_row_per_fibre_and_a_column_per_measure(measured, tmp_pa
     assert [row["FibreId"] for row in rows] == ["4", "5"]
     for name in rows[0]:
         assert_allclose([float(row[name]) for row in rows], cell_array(measured, name, ""), rtol=1e-9)
-
-
-def test_the_summary_has_mean_sd_and_range(measured):
-    summary = fibre_summary(measured)
-    assert summary["Length"] == {"mean": 9.0, "sd": 2.0, "min": 7.0, "max": 11.0}
-    assert "FibreId" not in summary
 
 
 def test_fibres_without_measures_are_refused(tmp_path):

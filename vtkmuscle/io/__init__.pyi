@@ -1,6 +1,5 @@
 from .fibre_table import (
     febio_axes as febio_axes,
-    fibre_summary as fibre_summary,
     muscle_summary as muscle_summary,
     write_fibre_table as write_fibre_table,
 )

@@ -27,30 +27,6 @@ def fibre_columns(fibres: vtkPolyData) -> dict[str, NDArray[np.float64]]:
     return {name: np.array(vtk_to_numpy(scalars[name]), dtype=np.float64) for name in sorted(scalars)}
 
 
-def fibre_summary(fibres: vtkPolyData) -> dict[str, dict[str, float]]:
-    """Return ``mean``, ``sd``, ``min`` and ``max`` of each cell array.
-
-    ``sd`` is the standard deviation of the population; units are the array's.
-
-    Parameters
-    ----------
-    fibres : vtkPolyData
-        From :class:`~vtkmuscle.filters.FibreMetrics`.
-
-    Examples
-    --------
-    >>> from vtkmodules.vtkFiltersSources import vtkLineSource
-    >>> from vtkmuscle.filters import FibreMetrics
-    >>> from vtkmuscle.io import fibre_summary
-    >>> fibre = vtkLineSource(point1=(0, 0, 0), point2=(3, 4, 0)).update().output
-    >>> fibre_summary(FibreMetrics()(fibre))["Length"]
-    {'mean': 5.0, 'sd': 0.0, 'min': 5.0, 'max': 5.0}
-    """
-    columns = fibre_columns(fibres)
-    columns.pop("FibreId", None)
-    return {name: spread(values) for name, values in columns.items() if len(values)}
-
-
 def muscle_summary(fibres: vtkPolyData) -> dict[str, Any]:
     """Return the measures of a muscle as a whole.
 

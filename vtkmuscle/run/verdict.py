@@ -286,7 +286,7 @@ def _arms(muscle: Judged, arms: JointArms) -> Iterator[Reason]:
     coordinate, sign = published_coordinate(arms.coordinate, arms.positive)
     known = published(muscle.anatomical, "moment_arm", coordinate) if coordinate else None
     length = published(muscle.anatomical, "path_length")
-    angles = sign * np.degrees(arms.values * ANGLES[arms.unit])
+    angles = sign * arms.angles
     if known is None or length is None:
         return
     size = muscle.path / np.array([length.high * PERSONAL, length.low / PERSONAL])

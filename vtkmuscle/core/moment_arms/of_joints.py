@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import mean_errors
 from vtkmuscle.core.moment_arms.levers import differences_by
+from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import SAME, Floats, Ints
 
@@ -201,6 +202,11 @@ class JointArms:
             return rows
         order = np.lexsort((self.values, self.stretch))
         return np.insert(rows[order], np.flatnonzero(np.diff(self.stretch[order])) + 1, np.nan, axis=0)
+
+    @property
+    def angles(self) -> Floats:
+        """Values of the coordinate, of an angle in degrees."""
+        return self.values * (ANGLES.get(self.unit, ANGLES["deg"]) / ANGLES["deg"])
 
     @property
     def mean(self) -> Floats:

@@ -245,9 +245,9 @@ class ResultFolder:
 
 #: Parts of the package that only start runs or show results.
 _SHOWING = ("cli", "paraview", "plotting", "report/")
-#: Fields that no frame of a muscle depends on: the content of files counts, guesses and names are judged anew
-#: in every run, and published curves are drawn beside a finished run's. All other fields count.
-IRRELEVANT = ("SceneData.files", "SceneData.guessed", "Muscle.literature", "Muscle.muscle")
+#: Fields that no frame of a muscle depends on: the content of files counts, guesses are judged anew in every
+#: run, and published curves are drawn beside a finished run's. All other fields count.
+IRRELEVANT = ("SceneData.files", "SceneData.guessed", "Muscle.literature")
 #: Packages that have a part in the numbers.
 _PACKAGES = ("numpy", "scipy", "numba", "vtk")
 
@@ -305,7 +305,7 @@ def code_digest() -> str:
     """Return a digest of the computing code: source without :data:`_SHOWING`, and further packages."""
     root = Path(__file__).parents[2]
     digest = hashlib.sha256("".join(f"{package} {version_of(package)}\n" for package in _PACKAGES).encode())
-    for file in sorted([*root.rglob("*.py"), *root.rglob("*.toml")]):
+    for file in sorted(file for kind in ("py", "toml", "csv") for file in root.rglob(f"*.{kind}")):
         name = file.relative_to(root).as_posix()
         if not name.startswith(_SHOWING):
             digest.update(name.encode())
