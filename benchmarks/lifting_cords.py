@@ -111,7 +111,7 @@ def _over_cone(radius: float) -> Phantom:
     lengths = [np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in lines]
     slope = CubicSpline(np.radians(places), lengths).derivative()
     low, high = apex + 25.0 * axis, apex + 125.0 * axis
-    bone = Solid(field, low - 46.0, high + 46.0).beside(low, -axis, 2.0).beside(high, axis, 2.0)
+    bone = Solid(field, low - 46.0, high + 46.0).cut_by(low, -axis, 2.0).cut_by(high, axis, 2.0)
     return _phantom(bone, lines[-1], OFF, lambda angle: -float(slope(np.radians(angle))), radius=radius)
 
 
@@ -151,7 +151,7 @@ def _phantom(
         before, after = radius * np.outer((2, 1), first), radius * np.outer((1, 2), last)
         longer = np.vstack([even[0] + before, even, even[-1] + after])
         solid = thick_curve(longer, np.full(len(longer), radius))
-        solid = solid.beside(line[0], first, 1.0).beside(line[-1], last, 1.0)
+        solid = solid.cut_by(line[0], first, 1.0).cut_by(line[-1], last, 1.0)
         rings = [_ring(line[0], first, 0.7 * radius), _ring(line[-1], last, 0.7 * radius)]
     return phantom_from(
         "lifting_cord",

@@ -81,4 +81,4 @@ def _belly() -> Solid:
     size = np.array([HALF_LENGTH, HALF_WIDTH, 0.0])
     far = np.array([ADVANCE + (1.0 + GAIN) * HALF_LENGTH, HALF_WIDTH, THICKNESS])
     up = np.array([0.0, 0.0, 1.0])
-    return Solid(field, -size, far).beside((0.0, 0.0, 0.0), -up, RIM).beside(THICKNESS * up, up, RIM)
+    return Solid(field, -size, far).cut_by((0.0, 0.0, 0.0), -up, RIM).cut_by(THICKNESS * up, up, RIM)

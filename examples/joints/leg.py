@@ -182,8 +182,8 @@ def tibia() -> Solid:
     x, _, top = KNEE
     shaft = thick_curve([(x, 10, -452), (x, 6, -500), (x, 4, -600), (x, 10, -785)], [28, 19, 14, 15])
     whole = union([shaft, ball((x, -14, -476), 9.0)], 8.0)
-    plateau = whole.beside((0, 0, top - CONDYLE - 2.0), (0, 0, 1), 3.0)
-    return plateau.beside((0, 0, ANKLE[2] + TALUS + 2.0), (0, 0, -1), 2.0)
+    plateau = whole.cut_by((0, 0, top - CONDYLE - 2.0), (0, 0, 1), 3.0)
+    return plateau.cut_by((0, 0, ANKLE[2] + TALUS + 2.0), (0, 0, -1), 2.0)
 
 
 def foot() -> Solid:

@@ -96,7 +96,7 @@ def brim(groove: float) -> Solid:
     middle = np.array([0.0, *BRIM])
     reach = np.array([HALF_BRIM, *np.full(2, BRIM_RADIUS + max(groove, 0.0))])
     whole = Solid(field, middle - reach, middle + reach)
-    return whole.beside(middle - side, (-1, 0, 0), 2.0).beside(middle + side, (1, 0, 0), 2.0)
+    return whole.cut_by(middle - side, (-1, 0, 0), 2.0).cut_by(middle + side, (1, 0, 0), 2.0)
 
 
 def _direction_at_start() -> Floats:
@@ -110,13 +110,13 @@ def _surfaces(groove: float) -> tuple[dict[str, Surface], Surface]:
     at_rest = taut(0.0)
     away, start = -at_rest.pull, _direction_at_start() / np.linalg.norm(_direction_at_start())
     # Balls cut flat carry the attachments; a curve behind the muscle joins the upper one to the brim.
-    carrier = ball((0.0, *(ORIGIN - 7.0 * start)), 12.0).beside((0.0, *ORIGIN), (0.0, *start), 1.0)
+    carrier = ball((0.0, *(ORIGIN - 7.0 * start)), 12.0).cut_by((0.0, *ORIGIN), (0.0, *start), 1.0)
     back = thick_curve(in_space([(58, 112), (61, 84), (36, 48), (-10, 16)]), [9.0, 8.0, 7.0, 6.0])
     upper = carrier.joined(back, 3.0).joined(brim(groove), 3.0)
     knee = INSERTION + 7.0 * away
     shaft = thick_curve(in_space(knee + np.array([(0, 0), (0, -22), (-8, -80)])), [12.0, 9.0, 10.0])
     bones = {
         "proximal": mesh_of(upper, 2.0, 6000),
-        "distal": mesh_of(shaft.beside((0.0, *INSERTION), (0.0, *-away), 1.0), 2.5, 2500),
+        "distal": mesh_of(shaft.cut_by((0.0, *INSERTION), (0.0, *-away), 1.0), 2.5, 2500),
     }
     return bones, mesh_of(cord(at_rest.points(0.5), [RADIUS, RADIUS]), 1.6, 3000)

@@ -160,7 +160,7 @@ def _strap_parts(
     upper = end_ring(line[0], (0, -1), width, THICKNESS)
     if slope:
         middle = above - slope * width / 2.0
-        muscle = muscle.beside((0, 0, middle), (slope, 0, 1), 1.0)
+        muscle = muscle.cut_by((0, 0, middle), (slope, 0, 1), 1.0)
         upper[:, 2] = middle - slope * upper[:, 0]
     lower = end_ring(line[-1], line[-1] - line[-2], width, THICKNESS)
     made = {name: mesh_of(bone, 2.5, 5000) for name, bone in bones.items()}
@@ -194,7 +194,7 @@ def _bones(above: float, half: float, line: Floats, slope: float = 0.0) -> dict[
     """Return the bones of a muscle as wide as twice a half [mm] along a line."""
     upper = block((-half, (line[0, 0] - 12.0), above - slope * 2.0 * half), (half, 10, above + 22))
     if slope:
-        upper = upper.beside((0, 0, above - slope * (half - 6.0)), (-slope, 0, -1), 1.0)
+        upper = upper.cut_by((0, 0, above - slope * (half - 6.0)), (-slope, 0, -1), 1.0)
     roller = rod((-half, 0, 0), (half, 0, 0), RADIUS)
     shaft = thick_curve([(0, 2, 0), (0, 2, above + 5)], [9.0, 9.0])
     y, z = line[-1]

@@ -58,7 +58,7 @@ def longer(line: Floats, by: float) -> Floats:
 def cut_ends(solid: Solid, line: Floats) -> Solid:
     """Return what of a solid about a line is between the planes across its ends."""
     first, last = _unit(line[1] - line[0]), _unit(line[-1] - line[-2])
-    return solid.beside((0.0, *line[0]), (0.0, *-first), 1.0).beside((0.0, *line[-1]), (0.0, *last), 1.0)
+    return solid.cut_by((0.0, *line[0]), (0.0, *-first), 1.0).cut_by((0.0, *line[-1]), (0.0, *last), 1.0)
 
 
 def _unit(vector: Floats) -> Floats:
@@ -76,6 +76,6 @@ def block(lower: ArrayLike, upper: ArrayLike, *, rim: float = 2.0) -> Solid:
     solid = Solid(face, low, high)
     for axis in range(3):
         normal = np.eye(3)[axis]
-        solid = solid.beside(low, -normal, rim)
-        solid = solid if axis == 0 else solid.beside(high, normal, rim)
+        solid = solid.cut_by(low, -normal, rim)
+        solid = solid if axis == 0 else solid.cut_by(high, normal, rim)
     return solid

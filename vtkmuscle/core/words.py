@@ -63,8 +63,8 @@ class Remedies:
         if name.startswith("_"):  # protocols of Python ask, and need no remedy
             raise AttributeError(problem)
         public = {word for word in (*dir(type(self)), *vars(self)) if not word.startswith("_")}
-        known = f"write {_ELSEWHERE[name]}" if name in _ELSEWHERE else suggestion(name, sorted(public))
-        raise AttributeError(f"{problem}; {known}")
+        remedy = f"write {_ELSEWHERE[name]}" if name in _ELSEWHERE else suggestion(name, sorted(public))
+        raise AttributeError(f"{problem}; {remedy}")
 
 
 class ByName(Remedies):

@@ -244,9 +244,9 @@ class KinematicTree:
 
     def crossed(self, bodies: Sequence[str]) -> tuple[str, ...]:
         """Return the free coordinates that move bodies against each other."""
-        ways = [{joint.name: joint for joint in self.way_up(body)} for body in bodies]
-        common = set.intersection(*map(set, ways)) if ways else set()
-        moving = [joint for way in ways for name, joint in way.items() if name not in common]
+        chains = [{joint.name: joint for joint in self.way_up(body)} for body in bodies]
+        common = set.intersection(*map(set, chains)) if chains else set()
+        moving = [joint for chain in chains for name, joint in chain.items() if name not in common]
         return self.freed(axis.coordinate for joint in moving for axis in joint.axes)
 
     def way_up(self, body: str) -> Iterator[Joint]:

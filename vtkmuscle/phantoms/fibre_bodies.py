@@ -48,8 +48,8 @@ def fibre_block(kind: str) -> Phantom:
     """
     half = LENGTH / 2.0
     if kind == "parallel":
-        known = {"fibre_length": LENGTH, "pennation": 90.0}
-        return block(kind, {"origin_plate": level(0.0)}, level(LENGTH), plates_at_ends(), known)
+        answers = {"fibre_length": LENGTH, "pennation": 90.0}
+        return block(kind, {"origin_plate": level(0.0)}, level(LENGTH), plates_at_ends(), answers)
     if kind != "pennate":
         raise InputError("fibre_block", f"kind is {kind!r}, but must be one of 'parallel', 'pennate'")
     bones = {"origin_plate": box((-PLATE, 0.0, 0.0), (0.0, DEPTH, half), SPACING)}
@@ -71,15 +71,15 @@ def block(
     origins: Mapping[str, Floats],
     insertion: Floats,
     bones: Mapping[str, Surface],
-    known: Mapping[str, Answer],
+    answers: Mapping[str, Answer],
     superficial: Mapping[str, vtkPolyData] | None = None,
 ) -> Phantom:
     """Return the block between plates; areas have corners (4, 3)."""
     rings = [AttachmentArea("origin", bone, _ring(corners), closed=True) for bone, corners in origins.items()]
     rings.append(AttachmentArea("insertion", "insertion_plate", _ring(insertion), closed=True))
-    known = {"volume": WIDTH * DEPTH * LENGTH, **known}
+    answers = {"volume": WIDTH * DEPTH * LENGTH, **answers}
     muscles, areas = {"block": box((0.0, 0.0, 0.0), (WIDTH, DEPTH, LENGTH), SPACING)}, {"block": rings}
-    scene = f"{kind}_block", bones, muscles, areas, sliding("insertion_plate", (0, 0, -1)), known
+    scene = f"{kind}_block", bones, muscles, areas, sliding("insertion_plate", (0, 0, -1)), answers
     return phantom_from(*scene, template=kind, superficial=superficial)
 
 

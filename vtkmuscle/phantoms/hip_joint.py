@@ -49,7 +49,7 @@ def pelvis(head_radius: float = HEAD_RADIUS) -> Solid:
     """Return the right hip bone and the sacrum, a solid for a radius of the femoral head [mm]."""
     socket_radius = SOCKET_RADIUS + (head_radius - HEAD_RADIUS)
     wing = thick_sheet(WING, SHAPES["wing"]["half_thickness"])
-    cup = ball((3, 2, 3), 36.0 + (head_radius - HEAD_RADIUS)).beside(RIM, OUTWARD, 5.0)
+    cup = ball((3, 2, 3), 36.0 + (head_radius - HEAD_RADIUS)).cut_by(RIM, OUTWARD, 5.0)
     bone = union([wing, cup, *_parts("pelvis")], 9.0)
     free = thick_curve(np.outer([0.0, 30.0], OUTWARD), [socket_radius, socket_radius + 2.0])
     return bone.without(free, 4.0).joined(sacrum(), 14.0)
@@ -61,7 +61,7 @@ def sacrum() -> Solid:
     rows = np.array(shape["half_widths"])[:, None, None] * np.array(shape["side"])
     knots = np.array(shape["middle"])[:, None] + rows
     ala = thick_sheet(knots, np.outer(shape["half_thickness"], shape["across"]))
-    first_body = thick_curve(*shape["first_body"]).beside((86, 56, 104), (0, -0.4, 1), 5.0)
+    first_body = thick_curve(*shape["first_body"]).cut_by((86, 56, 104), (0, -0.4, 1), 5.0)
     return union([ala, first_body, thick_curve(*shape["spines"])], 12.0)
 
 
@@ -140,8 +140,8 @@ def hip(*, angles: ArrayLike = ANGLES, head_radius: float = HEAD_RADIUS, detail:
     {'head_radius': 25.0}
     """
     bones, muscles, areas = hip_parts(head_radius, detail)
-    motion, known = hinge("femur", (0, 0, 0), (-1, 0, 0), angles), {"head_radius": head_radius}
-    return phantom_from("hip", bones=bones, muscles=muscles, areas=areas, motion=motion, known=known)
+    motion, answers = hinge("femur", (0, 0, 0), (-1, 0, 0), angles), {"head_radius": head_radius}
+    return phantom_from("hip", bones=bones, muscles=muscles, areas=areas, motion=motion, known=answers)
 
 
 @lru_cache(maxsize=2)
@@ -149,7 +149,7 @@ def hip_parts(
     head_radius: float, detail: float
 ) -> tuple[dict[str, Surface], dict[str, Surface], dict[str, list[AttachmentArea]]]:
     """Return bones, muscles and areas of :func:`hip`, by name."""
-    sawn_off = upper_femur(head_radius).beside((0, 0, -240), (0, 0, -1), 3.0)
+    sawn_off = upper_femur(head_radius).cut_by((0, 0, -240), (0, 0, -1), 3.0)
     solids = {"pelvis": pelvis(head_radius), "femur": sawn_off}
     shapes = SHAPES["muscles"]
     sheets = {name: _sheet(shape, solids) for name, shape in shapes.items()}

@@ -48,7 +48,7 @@ class Solid:
 
         return Solid(field, self.lower, self.upper)
 
-    def beside(self, centre: ArrayLike, normal: ArrayLike, blend: float) -> Solid:
+    def cut_by(self, centre: ArrayLike, normal: ArrayLike, blend: float) -> Solid:
         """Return the part against a plane's normal, with a rim of ``blend`` [mm]."""
         c, n = _vector(centre), _vector(normal)
         n = n / np.linalg.norm(n)
@@ -81,7 +81,7 @@ def smooth_minimum(
 
 def union(solids: Sequence[Solid], blend: float) -> Solid:
     """Return the union of solids, blended in turn [mm]."""
-    return reduce(lambda one, other: one.joined(other, blend), solids)
+    return reduce(lambda first, second: first.joined(second, blend), solids)
 
 
 def ball(centre: ArrayLike, radius: float) -> Solid:
@@ -100,7 +100,7 @@ def rod(start: ArrayLike, end: ArrayLike, radius: float, *, rim: float = 1.0) ->
         return _distance(away - (away @ axis)[:, None] * axis, radius)
 
     whole = Solid(field, np.minimum(a, b) - radius, np.maximum(a, b) + radius)
-    return whole.beside(a, -axis, rim).beside(b, axis, rim)
+    return whole.cut_by(a, -axis, rim).cut_by(b, axis, rim)
 
 
 def thick_curve(knots: ArrayLike, radii: ArrayLike, *, spacing: float = 3.0) -> Solid:

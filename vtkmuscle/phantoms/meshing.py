@@ -49,9 +49,9 @@ def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tup
     a, b = number[:-1], np.roll(number[:-1], -1, axis=1)
     d, c = number[1:], np.roll(number[1:], -1, axis=1)
     falling = (np.add.outer(np.arange(len(z) - 1), np.arange(sides)) % 2)[..., None, None] == 0
-    one = np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], axis=2)
-    other = np.stack([np.stack([a, b, d], -1), np.stack([b, c, d], -1)], axis=2)
-    points, triangles = [rings.reshape(-1, 3)], [np.where(falling, one, other).reshape(-1, 3)]
+    first = np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], axis=2)
+    second = np.stack([np.stack([a, b, d], -1), np.stack([b, c, d], -1)], axis=2)
+    points, triangles = [rings.reshape(-1, 3)], [np.where(falling, first, second).reshape(-1, 3)]
     disc, faces = _hexagonal_disc(sides // 6)
     for ring, border, step in ((0, number[0], -1), (-1, number[-1], 1)):
         inner = disc[:-sides]

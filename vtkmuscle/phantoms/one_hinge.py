@@ -46,10 +46,10 @@ def spindle_over_hinge() -> Phantom:
     """
     name, (bones, muscle, rings) = "spindle_over_hinge", spindle((float(ORIGIN[0]), float(ORIGIN[1])))
     motion = hinge("distal", centre=(0, 0, 0), axis=AXIS, angles=np.arange(0.0, 41.0, 2.0))
-    known: dict[str, Answer] = {"length": line_length, "moment_arm": line_moment_arm}
-    known["volume"] = volume_of_revolution(*spindle_profile(), SIDES)
+    answers: dict[str, Answer] = {"length": line_length, "moment_arm": line_moment_arm}
+    answers["volume"] = volume_of_revolution(*spindle_profile(), SIDES)
     muscles, areas = {"spindle": muscle}, {"spindle": rings}
-    return phantom_from(name, bones=bones, muscles=muscles, areas=areas, motion=motion, known=known)
+    return phantom_from(name, bones=bones, muscles=muscles, areas=areas, motion=motion, known=answers)
 
 
 def line_length(angle: float) -> float:
@@ -90,7 +90,7 @@ def bone_with_arm(attachment: Floats, up: float) -> Solid:
     """Return a shaft along z with an arm, flat at the attachment."""
     arm_centre = attachment + np.array([0.0, 0.0, 7.0 * up])
     arm = thick_curve([arm_centre * [0, 0, 1], arm_centre], [13.0, 13.0])
-    arm = arm.beside(attachment, (0, 0, -up), 1.0)
+    arm = arm.cut_by(attachment, (0, 0, -up), 1.0)
     return thick_curve([(0, 0, 14 * up), (0, 0, attachment[2] + 50 * up)], [10.0, 11.0]).joined(arm, 4.0)
 
 
@@ -152,9 +152,9 @@ def wrapping_cylinder(*, angles: ArrayLike | None = None) -> Phantom:
     face = np.column_stack([half * corners[:, 0], np.full(len(corners), -STRAIGHT), heights])
     name, rings = "wrapping_cylinder", ends("base", face, "pulley", np.vstack([arc + side, arc[::-1] - side]))
     motion = hinge("pulley", centre=(0, 0, 0), axis=(-1, 0, 0), angles=times)
-    known: dict[str, Answer] = {"moment_arm": -(RADIUS + THICKNESS / 2.0), "length": strap_length}
+    answers: dict[str, Answer] = {"moment_arm": -(RADIUS + THICKNESS / 2.0), "length": strap_length}
     muscles, areas = {"strap": muscle}, {"strap": rings}
-    return phantom_from(name, bones=bones, muscles=muscles, areas=areas, motion=motion, known=known)
+    return phantom_from(name, bones=bones, muscles=muscles, areas=areas, motion=motion, known=answers)
 
 
 def strap_length(angle: float) -> float:
@@ -175,7 +175,7 @@ def _cylinder_surfaces() -> tuple[dict[str, Surface], Surface]:
     line = np.vstack([flat, _round_the_cylinder(np.linspace(0.0, WRAPPED, 25), middle)])
     knots = line[:, None, :] + (np.linspace(-1.0, 1.0, 3)[:, None] * [(WIDTH - THICKNESS) / 2.0, 0.0, 0.0])
     strap = thick_sheet(knots, np.full(knots.shape[:2], THICKNESS / 2.0), spacing=1.5)
-    strap = strap.beside((0, -STRAIGHT, 0), (0, -1, 0), 1.0)
+    strap = strap.cut_by((0, -STRAIGHT, 0), (0, -1, 0), 1.0)
     length = WIDTH + 20.0
     heights = np.linspace(-length / 2.0, length / 2.0, 17)
     points, triangles = solid_of_revolution(heights, np.full(17, RADIUS), 48)

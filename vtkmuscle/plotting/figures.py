@@ -198,23 +198,23 @@ def plot_moment_arms(
     width : float, optional
         Of the figure on paper [mm]. The picture is beside the curves, or above them where they are narrow.
     """
-    panel, wide, beside = None, width / sheets.INCH, width > 0.6 * sheets.WIDTH
+    panel, wide, at_side = None, width / sheets.INCH, width > 0.6 * sheets.WIDTH
     positions = None if rest is None or rest.fibres is None else positions_across(rest.fibres)
     if rest is not None and positions is not None and bones is not None and studio is not None:
         view = views.clearest_view([rest.muscle], [bones.spread()])
-        across = min(_PICTURE * view.aspect, (0.33 if beside else 0.9) * wide)
+        across = min(_PICTURE * view.aspect, (0.33 if at_side else 0.9) * wide)
         view = replace(view, area=(across * sheets.DOTS_PER_INCH) ** 2 / view.aspect)  # pixel for pixel
         colours = colours_of(positions, views.PLACE_MAP)
         actors = actors_of([rest.muscle], view, fibres=rest.fibres, colours=colours, finer=studio.finer)
         panel = sheets.Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
     across, high = (0.0, 0.0) if panel is None else panel.inches
-    left, above = (1.05 * across, 0.0) if beside else (0.0, 1.1 * high)
+    left, above = (1.05 * across, 0.0) if at_side else (0.0, 1.1 * high)
     curves_high, title = _HEIGHT * len(arms), rest.label if rest is not None else ""
     height = curves_high + above + (0.25 if title else 0.0)
     figure = sheets.blank_figure(wide, height, title=title)
     figure.set_layout_engine("constrained", rect=(left / wide, 0.0, 1.0 - left / wide, curves_high / height))
     if panel is not None:
-        corner = (0.05, curves_high - high - 0.05) if beside else ((wide - across) / 2.0, curves_high)
+        corner = (0.05, curves_high - high - 0.05) if at_side else ((wide - across) / 2.0, curves_high)
         panel.add_to(figure, corner, units)
     panels = figure.subplots(len(arms), squeeze=False)[:, 0]
     for axes, (name, joint_arms) in zip(panels, arms.items(), strict=True):

@@ -66,8 +66,8 @@ def differences_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) ->
         for index, frames in enumerate(poses):
             for frame in frames:
                 inward = (-1, 1) if 0 < index < len(values) - 1 else (1, 2) if index == 0 else (-1, -2)
-                others = [poses[i] for i in (index + step for step in inward) if 0 <= i < len(values)]
-                if adjacent := [other[np.abs(other - frame).argmin()] for other in others]:
+                sides = [poses[i] for i in (index + step for step in inward) if 0 <= i < len(values)]
+                if adjacent := [side[np.abs(side - frame).argmin()] for side in sides]:
                     neighbours[frame] = adjacent[0], adjacent[-1]
                     weights[frame] = _weights([float(q[other] - q[frame]) for other in adjacent])
     frames = np.flatnonzero(weights[:, 0])

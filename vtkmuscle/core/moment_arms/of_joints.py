@@ -91,8 +91,8 @@ def joint_arms(
         of_mean = np.broadcast_to(np.asarray(ratios, dtype=np.float64), len(curves))[frames]
         bow = (bows or {}).get(name, np.zeros(len(curves)))[frames]
         by_frame = frames, q.values[frames], of_mean, bow, lever[frames], slopes
-        others = [motion.coordinates[other].values[frames] for other in candidates if other != name]
-        fixed = np.round([q.values[frames] * 0.0, *others], 9)
+        held = [motion.coordinates[other].values[frames] for other in candidates if other != name]
+        fixed = np.round([q.values[frames] * 0.0, *held], 9)
         stretch = np.unique(fixed, axis=1, return_inverse=True)[1].ravel()
         # Most frames of a grid share a stretch; few frames of a walk do, such as the first and the last.
         shared = np.count_nonzero(np.bincount(stretch)[stretch] > 1)

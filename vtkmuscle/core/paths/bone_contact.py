@@ -214,9 +214,9 @@ def add_contacts(
                 stiff = pressure_at(gaps[k, a, i], push, rounding)[1]
                 add_direction(blocks[a, i], stiff, u, v, w)
                 # Where the bone lets go beside it, a point slides along no curve: that comes in smoothly.
-                beside = min(pressure[k, a, i - 1], pressure[k, a, i + 1])
-                if beside > 0.0:
-                    _bend(x[a], normals[k, a], i, min(force, beside / LEAST_BESIDE), blocks[a, i])
+                adjacent = min(pressure[k, a, i - 1], pressure[k, a, i + 1])
+                if adjacent > 0.0:
+                    _bend(x[a], normals[k, a], i, min(force, adjacent / LEAST_BESIDE), blocks[a, i])
 
 
 @kernel

@@ -195,24 +195,24 @@ def add_lacking(moves: Floats, forces: Floats, lacking: Floats) -> None:
 
 
 @kernel
-def prepare_solve(blocks: Floats, pairs: Indices, springs: Floats, beside: Floats, inverses: Floats) -> None:
+def prepare_solve(blocks: Floats, pairs: Indices, springs: Floats, sums: Floats, inverses: Floats) -> None:
     """Write the inverse blocks of each path's elimination.
 
     The inverse blocks are (f + 1, n, 6). A path's matrix includes the springs at the path's points, whose
-    sums are written to ``beside`` (f n, 6). The last row belongs to a sheet with equally moving paths,
+    sums are written to ``sums`` (f n, 6). The last row belongs to a sheet with equally moving paths,
     divided by f: springs between the paths drop out, exactly where their points are equally far along the
     paths.
     """
     f, n, _ = blocks.shape
     for i in range(f * n):
         for c in range(6):
-            beside[i, c] = 0.0
+            sums[i, c] = 0.0
     for r in range(len(pairs)):
         for k in range(WIDTH):
             i, j = pairs[r, 0, k], pairs[r, 1, k]
             for c in range(6):
-                beside[i, c] += springs[r, c, k]
-                beside[j, c] += springs[r, c, k]
+                sums[i, c] += springs[r, c, k]
+                sums[j, c] += springs[r, c, k]
     for i in range(1, n - 1):
         for c in range(6):
             total = 0.0
@@ -223,7 +223,7 @@ def prepare_solve(blocks: Floats, pairs: Indices, springs: Floats, beside: Float
         for k in range(f + 1):
             h = inverses[k, i]
             for c in range(6):
-                block = blocks[k, i, c] + beside[k * n + i, c] if k < f else h[c]
+                block = blocks[k, i, c] + sums[k * n + i, c] if k < f else h[c]
                 h[c] = block - (inverses[k, i - 1, c] if i > 1 else 0.0)
             a, b, c0, d, e0, g = h[0], h[1], h[2], h[3], h[4], h[5]
             size = 1.0 / (a * (d * g - e0 * e0) + b * (c0 * e0 - b * g) + c0 * (b * e0 - c0 * d))
@@ -252,9 +252,9 @@ def newton_step(
     f = len(gradient)
     down, result = gradient.reshape(-1), step.reshape(-1)
     residual, solved = work[0, :f].reshape(-1), work[1, :f].reshape(-1)
-    way, image = work[2, :f].reshape(-1), work[3, :f].reshape(-1)
+    direction, image = work[2, :f].reshape(-1), work[3, :f].reshape(-1)
     for k in range(len(down)):
-        residual[k], result[k], way[k] = -down[k], 0.0, 0.0
+        residual[k], result[k], direction[k] = -down[k], 0.0, 0.0
     left, before, aim = 0.0, 1.0, 0.0
     for number in range(STEPS + 1):
         _precondition(inverses, work[0], work[1])
@@ -263,15 +263,15 @@ def newton_step(
             aim = left_over * left_over * left
         if number == STEPS or not left > aim:
             break
-        for k in range(len(way)):
-            way[k] = solved[k] + left / before * way[k]
+        for k in range(len(direction)):
+            direction[k] = solved[k] + left / before * direction[k]
         multiply(blocks, pairs, springs, work[2, :f], work[3, :f])
-        curvature = _dot(way, image)
+        curvature = _dot(direction, image)
         if not curvature > 0.0:
             break
         part, before = left / curvature, left
-        for k in range(len(way)):
-            result[k] += part * way[k]
+        for k in range(len(direction)):
+            result[k] += part * direction[k]
             residual[k] -= part * image[k]
     if not _dot(down, result) < 0.0:
         for k in range(len(down)):

@@ -118,17 +118,17 @@ def _responses(gradient: Floats, change: FloatMap, step: FloatMap) -> Iterator[F
     left = gradient
     before: list[tuple[Floats, Floats, float]] = []
     for _ in range(STEPS):
-        way = step(left)
-        by_way = change(way)
+        direction = step(left)
+        by_direction = change(direction)
         for other, by_other, size in before:
-            part = float(np.vdot(by_way, by_other)) / size
-            way -= part * other
-            by_way -= part * by_other
-        size = float(np.vdot(by_way, by_way)) or 1.0
-        part = float(np.vdot(left, by_way)) / size
-        left = left - part * by_way
-        before.append((way, by_way, size))
-        yield -part * way
+            part = float(np.vdot(by_direction, by_other)) / size
+            direction -= part * other
+            by_direction -= part * by_other
+        size = float(np.vdot(by_direction, by_direction)) or 1.0
+        part = float(np.vdot(left, by_direction)) / size
+        left = left - part * by_direction
+        before.append((direction, by_direction, size))
+        yield -part * direction
 
 
 @vector_kernel

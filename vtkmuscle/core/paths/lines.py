@@ -98,9 +98,11 @@ def lines_on_surface(points: Floats, topology: MeshTopology, fixed_to: Ints) -> 
     free = np.flatnonzero(fixed_to < 0)
     # Of points on one line each would give it again.
     seeds = free[:: max(1, len(free) // STAND_INS)]
-    ways = {(*reversed(_walk(seed, down)), *_walk(seed, up)[1:]): None for seed in seeds}
-    whole = (way for way in ways if len(way) > 2 and fixed_to[way[0]] >= 0 and fixed_to[way[-1]] >= 0)
-    lines = [points[list(way)] for way in whole]
+    chains = {(*reversed(_walk(seed, down)), *_walk(seed, up)[1:]): None for seed in seeds}
+    whole = (
+        chain for chain in chains if len(chain) > 2 and fixed_to[chain[0]] >= 0 and fixed_to[chain[-1]] >= 0
+    )
+    lines = [points[list(chain)] for chain in whole]
     if not lines:
         return None
     offsets = np.cumsum([0, *map(len, lines)])
@@ -108,10 +110,10 @@ def lines_on_surface(points: Floats, topology: MeshTopology, fixed_to: Ints) -> 
 
 
 def _walk(seed: int, onward: Ints) -> list[int]:
-    way = [int(seed)]
-    while onward[way[-1]] != way[-1]:
-        way.append(int(onward[way[-1]]))
-    return way
+    chain = [int(seed)]
+    while onward[chain[-1]] != chain[-1]:
+        chain.append(int(onward[chain[-1]]))
+    return chain
 
 
 def _steepest(points: Floats, edges: Ints, height: Floats, fixed_to: Ints) -> Ints:

@@ -101,7 +101,7 @@ def _nearest_across(fibres: Floats, count: int, same: float) -> Ints:
     inner, flat = fibres[:, 1:-1], (fibres.reshape(-1, 3), _tangents(fibres).reshape(-1, 3))
     points = np.arange(f * n).reshape(f, n)[:, 1:-1]
     segments = path_lengths(fibres) / (n - 1)
-    found = [np.empty((0, 2), dtype=np.int64)]
+    close_pairs = [np.empty((0, 2), dtype=np.int64)]
     for path in range(f):
         apart = cdist(inner[path], inner.reshape(-1, 3)).reshape(n - 2, f, n - 2)
         nearest = apart.argmin(axis=2)
@@ -110,16 +110,16 @@ def _nearest_across(fibres: Floats, count: int, same: float) -> Ints:
         here = np.broadcast_to(points[path][:, None], numbers.shape)
         ahead, _ = _ahead_and_across(*flat, here.reshape(-1), numbers.reshape(-1))
         limit = np.where((nearest == 0) | (nearest == n - 3), 0.5 * segments, segments.mean())
-        beside = np.abs(ahead).reshape(numbers.shape) <= limit
-        beside[:, path] = False
+        close = np.abs(ahead).reshape(numbers.shape) <= limit
+        close[:, path] = False
         # Paths that have run together count once: rounding would say in which direction they are apart. Of
         # paths equally far none is left out: the order of the fibres would choose.
-        distance[~beside] = np.inf
+        distance[~close] = np.inf
         counted = np.where(distance > same, distance, np.inf)
         last = min(count, f) - 1
-        beside &= distance <= (1.0 + SAME) * np.partition(counted, last, axis=1)[:, last, None]
-        found.append(np.column_stack([here[beside], numbers[beside]]))
-    ways = np.concatenate(found)
+        close &= distance <= (1.0 + SAME) * np.partition(counted, last, axis=1)[:, last, None]
+        close_pairs.append(np.column_stack([here[close], numbers[close]]))
+    ways = np.concatenate(close_pairs)
     if count > RING:
         ways = ways[np.isin(ways[:, 1] * f + ways[:, 0] // n, ways[:, 0] * f + ways[:, 1] // n)]
     return np.unique(np.sort(ways, axis=1), axis=0)
@@ -132,11 +132,11 @@ def _tangents(fibres: Floats) -> Floats:
     return tangents
 
 
-def _ahead_and_across(points: Floats, tangents: Floats, one: Ints, other: Ints) -> tuple[Floats, Floats]:
+def _ahead_and_across(points: Floats, tangents: Floats, first: Ints, second: Ints) -> tuple[Floats, Floats]:
     """Return the distances of pairs along and across their mean tangents."""
-    along = tangents[one] + tangents[other]
+    along = tangents[first] + tangents[second]
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), np.finfo(float).tiny)
-    ways = points[one] - points[other]
+    ways = points[first] - points[second]
     ahead: Floats = np.einsum("mi,mi->m", ways, along)
     return ahead, np.asarray(np.linalg.norm(ways - ahead[:, None] * along, axis=1))
 

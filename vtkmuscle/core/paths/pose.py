@@ -94,7 +94,7 @@ class SheetPose:
         point. :meth:`hold` changes it.
 
     x : (f, n, 3), points about the middle, as given to :meth:`look_at` last [mm];
-    gradient, way : (f, n, 3), gradient of the energy at x, and the step from x;
+    gradient, move : (f, n, 3), gradient of the energy at x, and the step from x;
     steps : steps of Newton's method so far.
     """
 
@@ -123,8 +123,8 @@ class SheetPose:
         self._rings: Rings = rings_at(sheet.rings, transforms, self._middle, sheet.outside)
         nothing = np.zeros((len(sheet.rings), f), dtype=np.int64)
         self.ring_points = nothing if ring_points is None else ring_points.copy()
-        self.gradient, self.way, self.steps = np.zeros(shape), np.empty(shape), 0
-        self._blocks, self._beside = np.zeros((f, n, 6)), np.empty((f * n, 6))
+        self.gradient, self.move, self.steps = np.zeros(shape), np.empty(shape), 0
+        self._blocks, self._sums = np.zeros((f, n, 6)), np.empty((f * n, 6))
         pairs = sheet.neighbours.pairs
         self._springs = np.empty((len(pairs), 6, WIDTH))
         self._rows, self._lanes = np.empty((f * n, 8)), np.empty(14 * WIDTH)
@@ -174,18 +174,18 @@ class SheetPose:
             if number > PLAIN_STEPS:
                 self._blocks += lacking
             plain = slope = self.step()
-            now = x, self.gradient.copy(), self.way.copy()
+            now = x, self.gradient.copy(), self.move.copy()
             if len(before) == SECANTS:
-                way = accelerated(now, before)
-                if (improved := float(np.vdot(self.gradient, way))) < 0.0:
-                    self.way, slope = way, improved
+                move = accelerated(now, before)
+                if (improved := float(np.vdot(self.gradient, move))) < 0.0:
+                    self.move, slope = move, improved
             before = [now, *before][:SECANTS]
-            part = longest / max(farthest_of(self.way), longest)
+            part = longest / max(farthest_of(self.move), longest)
             if number >= PLAIN_STEPS:
-                equilibrium.multiply(*self._matrix, self.way, product)
+                equilibrium.multiply(*self._matrix, self.move, product)
             for _ in range(_SHORTENED):
-                self.look_at(x + part * self.way)
-                after = float(np.vdot(self.gradient, self.way))
+                self.look_at(x + part * self.move)
+                after = float(np.vdot(self.gradient, self.move))
                 if after <= -_RISE * slope or number < _WHOLE_STEPS:
                     break
                 part *= max(0.1, min(0.7, slope / (slope - after)))
@@ -208,15 +208,15 @@ class SheetPose:
         return False
 
     def step(self) -> float:
-        """Compute Newton's step, ``way``, and return its slope."""
+        """Compute Newton's step, ``move``, and return its slope."""
         self.steps += 1
-        equilibrium.prepare_solve(*self._matrix, self._beside, self._inverses)
+        equilibrium.prepare_solve(*self._matrix, self._sums, self._inverses)
         return self._solve(self.gradient)
 
     def _solve(self, gradient: Floats) -> float:
-        """Write to ``way`` the step of a gradient. Return the step's slope."""
+        """Write to ``move`` the step of a gradient. Return the step's slope."""
         return equilibrium.newton_step(
-            gradient, *self._matrix, self._inverses, equilibrium.STEP_LEFT, self._work, self.way
+            gradient, *self._matrix, self._inverses, equilibrium.STEP_LEFT, self._work, self.move
         )
 
     def contacts(self) -> Ints:
@@ -233,10 +233,10 @@ class SheetPose:
         shape = self._pressure.shape[1:]
         lacking = np.zeros(shape)
         depths = np.maximum(-self._near.gaps, 0.0)
-        for one, other in combinations(range(len(depths)), 2):
-            against = -np.einsum("pi,pi->p", self._near.normals[one], self._near.normals[other])
-            lacks = (against * (depths[one] + depths[other])).reshape(shape)
-            pressed = (self._pressure[one] > 0.0) & (self._pressure[other] > 0.0)
+        for first, second in combinations(range(len(depths)), 2):
+            against = -np.einsum("pi,pi->p", self._near.normals[first], self._near.normals[second])
+            lacks = (against * (depths[first] + depths[second])).reshape(shape)
+            pressed = (self._pressure[first] > 0.0) & (self._pressure[second] > 0.0)
             np.maximum(lacking, lacks, out=lacking, where=pressed)
         return np.asarray(lacking.max(axis=1))
 
@@ -260,7 +260,7 @@ class SheetPose:
         for _, load in loads:
             held += load.stiffness
         wider, going = -widening(x, sheet.lengths)[:, None, None] * pull_of(x), np.empty_like(self._rows)
-        equilibrium.prepare_solve(*self._matrix, self._beside, self._inverses)
+        equilibrium.prepare_solve(*self._matrix, self._sums, self._inverses)
 
         def change(velocity: Floats) -> Floats:
             rates, result = np.einsum("fni,fni->f", wider, velocity), np.empty_like(velocity)
@@ -270,7 +270,7 @@ class SheetPose:
 
         def step(gradient: Floats) -> Floats:
             self._solve(gradient)
-            return self.way.copy()
+            return self.move.copy()
 
         about = np.array(twists, dtype=np.float64)
         about[..., :3] += np.cross(about[..., 3:], self._middle)
@@ -313,13 +313,13 @@ def accelerated(
     gradient, in the norm of the inverse matrix (Anderson 1965, doi:10.1145/321296.321305; Walker, Ni 2011,
     doi:10.1137/10078356X).
     """
-    x, gradient, way = (
+    x, gradient, moves = (
         (new - np.array([old[k] for old in before])).reshape(len(before), -1) for k, new in enumerate(now)
     )
-    products = gradient @ way.T
-    right = gradient @ now[2].reshape(-1) + way @ now[1].reshape(-1)
+    products = gradient @ moves.T
+    right = gradient @ now[2].reshape(-1) + moves @ now[1].reshape(-1)
     parts = np.linalg.lstsq(products + products.T, right)[0]
-    return np.asarray(now[2] - (parts @ (x + way)).reshape(now[2].shape))
+    return np.asarray(now[2] - (parts @ (x + moves)).reshape(now[2].shape))
 
 
 @kernel

@@ -90,17 +90,17 @@ def add_rings(
             for c in range(3):
                 away = x[a, i, c] - frame[0, c]
                 height, s, t = height + away * frame[1, c], s + away * frame[2, c], t + away * frame[3, c]
-            u, v, way, at_corner = way_to_edge(corners, s, t)
-            force, stiff = pressure_at(rings.outside[ring, a] - way + rounding, push, rounding)
+            u, v, distance, at_corner = way_to_edge(corners, s, t)
+            force, stiff = pressure_at(rings.outside[ring, a] - distance + rounding, push, rounding)
             for c in range(3):
                 gradient[a, i, c] += push * height * frame[1, c]
             add_direction(blocks[a, i], push, frame[1, 0], frame[1, 1], frame[1, 2])
             if force > 0.0:
                 held[ring, a, i] = force
-                p, q = u / way, v / way
+                p, q = u / distance, v / distance
                 add_direction(blocks[a, i], stiff, *_in_space(frame, p, q))
                 if at_corner:
-                    add_direction(blocks[a, i], force / way, *_in_space(frame, -q, p))
+                    add_direction(blocks[a, i], force / distance, *_in_space(frame, -q, p))
                 for c in range(3):
                     gradient[a, i, c] -= force * (p * frame[2, c] + q * frame[3, c])
 
@@ -120,8 +120,8 @@ def way_to_edge(corners: Floats, s: float, t: float) -> tuple[float, float, floa
     length is negative for a point inside.
     """
     u, v, at_corner = nearest_on_polygon(corners, s, t)
-    way = np.sqrt((u - s) ** 2 + (v - t) ** 2)
-    return u - s, v - t, -way if is_inside(corners, s, t) else way, at_corner
+    distance = np.sqrt((u - s) ** 2 + (v - t) ** 2)
+    return u - s, v - t, -distance if is_inside(corners, s, t) else distance, at_corner
 
 
 @kernel

@@ -173,7 +173,7 @@ class MusclePaths:
         # Sums over bones are rounded in their order: that of their sizes, which no names decide. Bones of
         # one size, to nine digits, stay as they come.
         pieces = [(number, piece) for number, bone in bones.items() for piece in bone.pieces]
-        pieces.sort(key=lambda one: float(f"{np.ptp(one[1].box_along_axes):.8e}"))
+        pieces.sort(key=lambda numbered: float(f"{np.ptp(numbered[1].box_along_axes):.8e}"))
         rest = self.fibres, start_bones, end_bones
         around = surroundings_of(*rest, pieces, triangle_tree(*surface), self.thickness)
         last = max([*bones, int(start_bones.max()), int(end_bones.max()), *(bone for bone, _ in rings)])
@@ -199,19 +199,19 @@ class MusclePaths:
         transforms : (b, 4, 4), of the bones, rest to now.
         """
         transforms = np.array(transforms, dtype=np.float64)
-        known = transforms.copy()  # a further bone has not moved
-        known[: len(before.transforms)] = before.transforms[: len(known)]
-        moves = transforms @ inverses(known)
+        last = transforms.copy()  # a further bone has not moved
+        last[: len(before.transforms)] = before.transforms[: len(last)]
+        moves = transforms @ inverses(last)
         if np.ptp(moves, axis=0).max() <= _TOGETHER:
             ends = self.start_bones, self.end_bones
             points = with_bones(before.points, *ends, moves)
             drift, forces = with_bones(before.points + before.drift, *ends, moves) - points, PathState.forces
             return replace(before, points=points, transforms=transforms, steps=0, drift=drift, forces=forces)
-        farthest = np.linalg.norm(self._ends_moved(known, transforms), axis=2).max()
+        farthest = np.linalg.norm(self._ends_moved(last, transforms), axis=2).max()
         steps = max(math.ceil(farthest / (LARGEST_MOVE * self._segment)), 1)
-        state = replace(before, transforms=known, steps=0)
+        state = replace(before, transforms=last, steps=0)
         for number in range(1, steps + 1):  # the last is the pose itself
-            state = self._go_on(state, screws_between(known, transforms, number / steps))
+            state = self._go_on(state, screws_between(last, transforms, number / steps))
         return state
 
     def _go_on(self, before: PathState, transforms: Floats) -> PathState:
@@ -265,7 +265,7 @@ def _carried_by(transforms: Floats, points: Floats) -> Floats:
     return np.asarray(np.einsum("fij,fj->fi", transforms[:, :3, :3], points) + transforms[:, :3, 3])
 
 
-def _seen_from(transforms: Floats, mine: Ints, others: Ints, points: Floats) -> Floats:
+def _seen_from(transforms: Floats, mine: Ints, opposite: Ints, points: Floats) -> Floats:
     """Return points (f, 3) seen from another bone. They move with a bone of their own."""
-    moved = _carried_by(transforms[mine], points) - transforms[others, :3, 3]
-    return np.asarray(np.einsum("fji,fj->fi", transforms[others, :3, :3], moved))
+    moved = _carried_by(transforms[mine], points) - transforms[opposite, :3, 3]
+    return np.asarray(np.einsum("fji,fj->fi", transforms[opposite, :3, :3], moved))

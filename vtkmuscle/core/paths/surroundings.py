@@ -183,25 +183,25 @@ def tissue_between(
     shape = points.shape[:2]
     at, along = points.reshape(-1, 3), tangents.reshape(-1, 3)
     distance, outward = bone.exact(at)
-    beside = np.einsum("ij,ij->i", outward, along)[:, None] * along - outward
-    size = np.linalg.norm(beside, axis=1)
+    aside = np.einsum("ij,ij->i", outward, along)[:, None] * along - outward
+    size = np.linalg.norm(aside, axis=1)
     sure = size >= LEAST_BESIDE
-    beside[sure] /= size[sure, None]
-    way = np.zeros(len(at))
+    aside[sure] /= size[sure, None]
+    walked = np.zeros(len(at))
     nearest, depth = depth.reshape(-1), depth.reshape(-1).copy()
     inside = depth > ON_SURFACE * float(np.ptp(at, axis=0).max())
     going = np.flatnonzero(sure & inside)
     for _ in range(_STEPS):
         # No surface is nearer than the depth: go on by that much.
-        way[going] += depth[going]
-        going = going[way[going] < distance[going]]
+        walked[going] += depth[going]
+        going = going[walked[going] < distance[going]]
         if not len(going):
             break
-        depth[going] = -muscle.signed(at[going] + way[going, None] * beside[going])[0]
-        going = going[depth[going] > 1e-4 * way[going]]
-    thickness = np.where(sure, way, nearest).reshape(shape)
-    for fibre, known in zip(thickness, (sure & inside).reshape(shape), strict=True):
-        if known.any() and not known.all():
-            fibre[~known] = np.interp(np.flatnonzero(~known), np.flatnonzero(known), fibre[known])
+        depth[going] = -muscle.signed(at[going] + walked[going, None] * aside[going])[0]
+        going = going[depth[going] > 1e-4 * walked[going]]
+    thickness = np.where(sure, walked, nearest).reshape(shape)
+    for fibre, measured in zip(thickness, (sure & inside).reshape(shape), strict=True):
+        if measured.any() and not measured.all():
+            fibre[~measured] = np.interp(np.flatnonzero(~measured), np.flatnonzero(measured), fibre[measured])
     distance = distance.reshape(shape)
     return distance, outward.reshape(*shape, 3), np.minimum(thickness, distance)

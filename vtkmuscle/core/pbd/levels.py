@@ -108,12 +108,12 @@ class TwoLevels:
 
 
 @vector_kernel
-def _products(starts: Ints, others: Ints, arms: Floats, points: Floats, products: Floats) -> None:
+def _products(starts: Ints, ends: Ints, arms: Floats, points: Floats, products: Floats) -> None:
     """Write the products of ways and arms. Products (c, 3, 3), points (c, 3), arms (k, 3) at rest."""
     for p in range(len(points)):
         a = b = c = d = e = f = g = h = i = 0.0
         for k in range(starts[p], starts[p + 1]):
-            o, u, v, w = others[k], arms[k, 0], arms[k, 1], arms[k, 2]
+            o, u, v, w = ends[k], arms[k, 0], arms[k, 1], arms[k, 2]
             x, y, z = points[o, 0] - points[p, 0], points[o, 1] - points[p, 1], points[o, 2] - points[p, 2]
             a, b, c = a + x * u, b + x * v, c + x * w
             d, e, f = d + y * u, e + y * v, f + y * w

@@ -119,14 +119,14 @@ class Settling:
         """
         out = points.copy()
         inside = touching.keep_out(out)
-        way = out - points
-        if inside.any() and _torn(points, way, inside, self._edges):
+        moves = out - points
+        if inside.any() and _torn(points, moves, inside, self._edges):
             time = (TOGETHER / SPREAD) ** 2 * self._time
-            self._diffusion.spread(way, time, inside, insulated=True)
-            way /= np.maximum(np.linalg.norm(way, axis=1), np.finfo(float).tiny)[:, None]
+            self._diffusion.spread(moves, time, inside, insulated=True)
+            moves /= np.maximum(np.linalg.norm(moves, axis=1), np.finfo(float).tiny)[:, None]
             for _ in range(MOST_STEPS):  # on along the way, by the distance out of the bone
                 depths = np.linalg.norm(out[inside] - points[inside], axis=1)
-                points[inside] += depths[:, None] * way[inside]
+                points[inside] += depths[:, None] * moves[inside]
                 out[:] = points
                 inside = touching.keep_out(out)
                 if not inside.any():
@@ -134,14 +134,14 @@ class Settling:
         points[:] = out
 
 
-def _torn(points: Floats, way: Floats, inside: Bools, edges: Ints) -> bool:
+def _torn(points: Floats, moves: Floats, inside: Bools, edges: Ints) -> bool:
     """Return whether opposite ways tear two neighbours apart.
 
     Ways are (n, 3), ``inside`` is (n,). Torn neighbours part by more than the length of their edge.
     """
     first, second = edges[inside[edges[:, 0]] & inside[edges[:, 1]]].T
-    opposite = (way[first] * way[second]).sum(axis=1) < 0.0
-    apart, lengths = (np.linalg.norm(x[first] - x[second], axis=1) for x in (way, points))
+    opposite = (moves[first] * moves[second]).sum(axis=1) < 0.0
+    apart, lengths = (np.linalg.norm(x[first] - x[second], axis=1) for x in (moves, points))
     return bool((opposite & (apart > lengths)).any())
 
 

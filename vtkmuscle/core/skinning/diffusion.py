@@ -84,7 +84,7 @@ class Diffusion:
 
 @vector_kernel
 def _relax(
-    v: Floats, one: Floats, other: Floats, a: float, b: float, step: float, begins: _Numbers,
+    v: Floats, first: Floats, second: Floats, a: float, b: float, step: float, begins: _Numbers,
     neighbours: _Numbers, weights: Floats, totals: Floats, inside: Bools, result: Floats,
 ) -> None:  # fmt: skip
     """Write a stage of the diffusion inside, v elsewhere.
@@ -99,8 +99,8 @@ def _relax(
                 x += w * v[j, 0]
                 y += w * v[j, 1]
                 z += w * v[j, 2]
-            result[i, 0] = a * one[i, 0] + b * other[i, 0] + step * x
-            result[i, 1] = a * one[i, 1] + b * other[i, 1] + step * y
-            result[i, 2] = a * one[i, 2] + b * other[i, 2] + step * z
+            result[i, 0] = a * first[i, 0] + b * second[i, 0] + step * x
+            result[i, 1] = a * first[i, 1] + b * second[i, 1] + step * y
+            result[i, 2] = a * first[i, 2] + b * second[i, 2] + step * z
         else:
             result[i, 0], result[i, 1], result[i, 2] = v[i, 0], v[i, 1], v[i, 2]

@@ -76,16 +76,16 @@ class Skinning:
         self._tangents: Floats = directions_along(paths).reshape(-1, 3)
         least = LEAST_APART * thickness
         count = min(BESIDE, f)
-        beside, parts = np.empty((f, n, count), dtype=np.int64), np.empty((f, n, count))
+        adjacent, parts = np.empty((f, n, count), dtype=np.int64), np.empty((f, n, count))
         for i in range(n):
-            apart, found = cKDTree(paths[:, i]).query(paths[:, i], k=range(1, count + 1))
-            beside[:, i], parts[:, i] = found * n + i, falling_weights(apart, least)
+            apart, nearest = cKDTree(paths[:, i]).query(paths[:, i], k=range(1, count + 1))
+            adjacent[:, i], parts[:, i] = nearest * n + i, falling_weights(apart, least)
         shifts = [np.eye(n, k=k - len(WINDOW) // 2) for k in range(len(WINDOW))]
         window = np.tensordot(WINDOW, shifts, axes=1)
         window /= window.sum(axis=1, keepdims=True)
         self._along = kron(csr_array(np.eye(f)), csr_array(window), format="csr")
         starts = np.arange(0, f * n * count + 1, count)
-        self._across = csr_array((parts.reshape(-1), beside.reshape(-1), starts), shape=(f * n, f * n))
+        self._across = csr_array((parts.reshape(-1), adjacent.reshape(-1), starts), shape=(f * n, f * n))
         self._means = self._means_beside(self._arms)
         squares = self._means_beside((self._arms**2).sum(axis=1)) - (self._means**2).sum(axis=1)
         self._spread: Floats = np.maximum(squares, 0.0) + least**2
@@ -202,20 +202,20 @@ def _places_beside(points: Floats, paths: Floats, near: Ints, count: int) -> tup
     paths. ``near`` (v, k) are the paths of points nearby, ascending by distance; a path without points in
     ``near`` is infinitely far.
     """
-    found = np.empty((len(points), count), dtype=np.int64)
-    apart, at = np.full(found.shape, np.inf), np.zeros(found.shape)
+    chosen = np.empty((len(points), count), dtype=np.int64)
+    apart, at = np.full(chosen.shape, np.inf), np.zeros(chosen.shape)
     new = np.ones(near.shape, dtype=np.bool_)
     for rank in range(count):
-        found[:, rank] = near[np.arange(len(near)), new.argmax(axis=1)]
+        chosen[:, rank] = near[np.arange(len(near)), new.argmax(axis=1)]
         apart[new.any(axis=1), rank] = 0.0
-        new &= near != found[:, rank, None]
-    bins, starts = sorted_into_bins(np.where(apart < np.inf, found, len(paths)).reshape(-1), len(paths) + 1)
+        new &= near != chosen[:, rank, None]
+    bins, starts = sorted_into_bins(np.where(apart < np.inf, chosen, len(paths)).reshape(-1), len(paths) + 1)
     for path, begin, end in zip(paths, starts[:-2], starts[1:-1], strict=True):
-        v, place = np.divmod(bins[begin:end], count)
-        apart[v, place], at[v, place] = _place_beside(points[v], path)
+        v, column = np.divmod(bins[begin:end], count)
+        apart[v, column], at[v, column] = _place_beside(points[v], path)
     order = np.argsort(apart, axis=1, kind="stable")
-    found, apart, at = (np.take_along_axis(one, order, axis=1) for one in (found, apart, at))
-    return found, apart, at
+    chosen, apart, at = (np.take_along_axis(part, order, axis=1) for part in (chosen, apart, at))
+    return chosen, apart, at
 
 
 def _place_beside(points: Floats, path: Floats) -> tuple[Floats, Floats]:
