@@ -35,7 +35,7 @@ OFFSET = "PhysicalOffsetFrame"
 JOINTSET = "/jointset"
 
 
-class Frames:
+class BodyFrames:
     """Bodies and their offset frames by component path, as OpenSim resolves the paths.
 
     Two bodies or joints may have frames of one name. A path that leads nowhere counts by its last name.
@@ -76,13 +76,13 @@ class Frames:
         return body, frame @ frame_at(element.vector("translation"), element.vector("orientation"))
 
 
-def point_on(element: Element, frames: Frames) -> tuple[str, Floats]:
+def point_on(element: Element, frames: BodyFrames) -> tuple[str, Floats]:
     """Return the body and body-fixed position (3,) of a point."""
     body, frame = frames.at(element.need("socket_parent_frame", "body"))
     return body, frame[:3, :3] @ element.need("location").numbers(3) + frame[:3, 3]
 
 
-def joint_in(element: Element, frames: Frames, child: str = "") -> tuple[Joint, list[JointCoordinate]]:
+def joint_in(element: Element, frames: BodyFrames, child: str = "") -> tuple[Joint, list[JointCoordinate]]:
     """Return a joint and its coordinates. ``child`` is the body around the joint before version 4."""
     if element.tag not in (supported := ("CustomJoint", *_JOINTS)):
         raise element.error("this kind of joint is not supported", f"supported: {', '.join(supported)}")
@@ -184,9 +184,9 @@ def read_tree(path: Path) -> KinematicTree:
     return tree_in(model, bodies_in(model)[1], [])[0]
 
 
-def bodies_in(model: Element) -> tuple[list[tuple[str, Element]], Frames]:
+def bodies_in(model: Element) -> tuple[list[tuple[str, Element]], BodyFrames]:
     """Return bodies by name, and the frames of the model."""
-    frames = Frames()
+    frames = BodyFrames()
     bodies: dict[str, Element] = {}
     for body in of_kind("Body", model.within("BodySet")):
         if body.name in bodies:
@@ -202,7 +202,7 @@ def bodies_in(model: Element) -> tuple[list[tuple[str, Element]], Frames]:
     return list(bodies.items()), frames
 
 
-def tree_in(model: Element, frames: Frames, not_used: list[str]) -> tuple[KinematicTree, dict[str, str]]:
+def tree_in(model: Element, frames: BodyFrames, not_used: list[str]) -> tuple[KinematicTree, dict[str, str]]:
     """Return the tree of a model, and the joint of each coordinate. The list of unused parts is extended."""
     joints = [joint_in(element, frames) for element in model.within("JointSet")]
     for body in model.within("BodySet"):

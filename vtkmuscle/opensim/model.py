@@ -131,7 +131,7 @@ def _meshes(name: str, body: Element, not_used: list[str]) -> Iterator[tuple[str
 
 
 def _paths(
-    model: Element, frames: osim.Frames, tree: KinematicTree, not_used: list[str]
+    model: Element, frames: osim.BodyFrames, tree: KinematicTree, not_used: list[str]
 ) -> dict[str, OsimMuscle]:
     """Return the forces along a path by name."""
     coordinates = {coordinate.name for coordinate in tree.coordinates}
@@ -149,7 +149,7 @@ def _paths(
     return muscles
 
 
-def _muscle(element: Element, frames: osim.Frames) -> OsimMuscle | None:
+def _muscle(element: Element, frames: osim.BodyFrames) -> OsimMuscle | None:
     """Return the muscle of a force element; None without a path."""
     inside = (element.find("path") or element).children
     geometry = next((child for child in inside if child.tag.endswith("Path")), None)
@@ -164,7 +164,7 @@ def _muscle(element: Element, frames: osim.Frames) -> OsimMuscle | None:
     return OsimMuscle(element.name, path, {name: element.number(name, 0.0) for name in there}, element.tag)
 
 
-def _point_path(element: Element, frames: osim.Frames) -> PointPath:
+def _point_path(element: Element, frames: osim.BodyFrames) -> PointPath:
     element.only(("PathPointSet", "PathWrapSet", "Appearance", "default_color", "VisibleObject", "display"))
     points = [_point(point, frames) for point in element.need("PathPointSet").objects()]
     if len(points) < 2:
@@ -173,7 +173,7 @@ def _point_path(element: Element, frames: osim.Frames) -> PointPath:
     return PointPath(points, [wrap.word("wrap_object") or wrap.name for wrap in wraps])
 
 
-def _point(element: Element, frames: osim.Frames) -> PathPoint:
+def _point(element: Element, frames: osim.BodyFrames) -> PathPoint:
     if element.tag not in (supported := _FORCES["points"]):
         raise element.error("this kind of path point is not supported", f"supported: {', '.join(supported)}")
     if element.tag == "PathPoint":

@@ -31,7 +31,7 @@ SOCKET_RADIUS = 25.5
 #: Where the acetabulum opens to, and the centre of its rim [mm].
 OUTWARD = np.array([-0.80, -0.33, -0.50]) / np.linalg.norm([-0.80, -0.33, -0.50])
 RIM = 7.0 * OUTWARD
-Span = tuple[float, float]
+Interval = tuple[float, float]
 #: Tables of hip.toml [mm].
 SHAPES = toml_table("vtkmuscle.phantoms", "hip.toml")
 WING = np.array(SHAPES["wing"]["knots"], dtype=np.float64)
@@ -70,7 +70,7 @@ def upper_femur(head_radius: float = HEAD_RADIUS) -> Solid:
     return union([ball((0, 0, 0), head_radius), *_parts("femur")], 9.0)
 
 
-def _outline(sheet: Floats, along: Span, across: Span, count: int, *, closed: bool = True) -> Floats:
+def _outline(sheet: Floats, along: Interval, across: Interval, count: int, *, closed: bool = True) -> Floats:
     """Return a rounded loop, or an open curve, (count, 3) in the parameters of a sheet of knots [mm]."""
     if closed:  # a superellipse: nearly a rectangle, with round corners
         angles = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)

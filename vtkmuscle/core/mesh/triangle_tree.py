@@ -352,6 +352,10 @@ class Neighbour(NamedTuple):
     allowance: Floats
 
 
+#: Neighbouring muscles now.
+Near = Sequence[Neighbour]
+
+
 class MuscleContact:
     """Neighbours of a muscle during a step. They stand still.
 

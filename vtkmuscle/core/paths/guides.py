@@ -6,8 +6,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 from scipy.special import xlogy
 
-from vtkmuscle.core.paths.neighbours import SAME
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import ROUNDING, Floats, Ints
 
 #: More paths than any muscle has fibres: all are solved.
 ALL_PATHS = 10**6
@@ -89,7 +88,7 @@ def thin_plate_weights(sites: Floats, points: Floats) -> Floats:
     """
     middle = sites.mean(axis=0)
     spread, axes = np.linalg.svd(sites - middle, full_matrices=False)[1:]
-    same = SAME * float(np.abs(sites).max())
+    same = ROUNDING * float(np.abs(sites).max())
     axes = axes[spread > max(FLAT * spread[0], same)]
     size = max(float(spread[0]), same) or 1.0
     affine, at = (np.column_stack([np.ones(len(x)), (x - middle) @ axes.T / size]) for x in (sites, points))

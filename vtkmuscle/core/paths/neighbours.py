@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.types import Floats, Indices, Ints
+from vtkmuscle.core.types import ROUNDING, Floats, Indices, Ints
 
 #: Young's modulus of muscle across its fibres, as a part of the tension per area along them. Of passive
 #: muscle it is 0.1: 22 kPa (rabbit extensor digitorum longus; Morrow et al. 2010,
@@ -39,9 +39,6 @@ TOO_NEAR = 0.01
 
 #: Bounds of a path's stretch, beyond which none is sensible (a muscle works between about 0.5 and 1.6).
 LEAST_STRETCH, GREATEST_STRETCH = 0.25, 4.0
-
-#: Distances that differ by less than this part of the greater, or of a path's length, are the same.
-SAME = 1e-9
 
 #: Pairs of a row, computed side by side: four vectors of eight numbers.
 WIDTH = 32
@@ -73,10 +70,10 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     """
     n, count = fibres.shape[1], NEIGHBOURS if len(fibres) > 2 * NEIGHBOURS else RING
     length = float(path_lengths(fibres).mean())
-    pairs = _nearest_across(fibres, count, SAME * length)
+    pairs = _nearest_across(fibres, count, ROUNDING * length)
     ahead, across = _ahead_and_across(fibres.reshape(-1, 3), _tangents(fibres).reshape(-1, 3), *pairs.T)
     usual = float(np.quantile(across, 0.5 * RING / count)) if len(across) else 0.0  # of the first ring
-    apart = (across > SAME * length) & (across > TOO_NEAR * usual)
+    apart = (across > ROUNDING * length) & (across > TOO_NEAR * usual)
     spacing = np.maximum(across[apart], LEAST_SPACING * usual)
     moduli = RING / count * np.outer((MODULUS, SHEAR_MODULUS), (length / (spacing * (n - 1))) ** 2)
     of_pairs = np.vstack([across[apart], ahead[apart], moduli])
@@ -117,7 +114,7 @@ def _nearest_across(fibres: Floats, count: int, same: float) -> Ints:
         distance[~close] = np.inf
         counted = np.where(distance > same, distance, np.inf)
         last = min(count, f) - 1
-        close &= distance <= (1.0 + SAME) * np.partition(counted, last, axis=1)[:, last, None]
+        close &= distance <= (1.0 + ROUNDING) * np.partition(counted, last, axis=1)[:, last, None]
         close_pairs.append(np.column_stack([here[close], numbers[close]]))
     ways = np.concatenate(close_pairs)
     if count > RING:

@@ -11,8 +11,9 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.jit import vector_kernel
 from vtkmuscle.core.mesh.harmonic import cotangent_laplacian
+from vtkmuscle.core.mesh.triangle_tree import Near
 from vtkmuscle.core.motion.blending import nearest_rotations
-from vtkmuscle.core.pbd.solver import Near, PBDSolver, State
+from vtkmuscle.core.pbd.solver import PBDSolver, State
 from vtkmuscle.core.skinning.skinning import falling_weights
 from vtkmuscle.core.types import Floats, Ints, Progress, quiet
 

@@ -10,7 +10,7 @@ halves the change of angles in large steps, and volume and bones come last.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -22,7 +22,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.rest_shape import RestShape, Volume, project_volume
-from vtkmuscle.core.mesh.triangle_tree import Neighbour
+from vtkmuscle.core.mesh.triangle_tree import Near
 from vtkmuscle.core.motion.blending import blend_motions, screws_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverses
 from vtkmuscle.core.pbd import sweep
@@ -35,8 +35,6 @@ from vtkmuscle.core.types import Bools, Floats, Progress, quiet
 LARGEST_TURN = 4.0
 #: Moves positions out of obstacles, and returns the moved points.
 KeepOut = Callable[[Floats], Bools]
-#: Neighbouring muscles now.
-Near = Sequence[Neighbour]
 
 
 @dataclass(frozen=True)

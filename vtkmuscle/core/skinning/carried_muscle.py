@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,7 +14,7 @@ from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.rest_shape import RestShape, Volume
 from vtkmuscle.core.mesh.surface import mean_thickness
-from vtkmuscle.core.mesh.triangle_tree import Neighbour
+from vtkmuscle.core.mesh.triangle_tree import Near
 from vtkmuscle.core.motion.blending import blend_motions
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.paths.lines import bones_at_ends
@@ -22,8 +22,6 @@ from vtkmuscle.core.skinning.diffusion import Diffusion
 from vtkmuscle.core.skinning.skinning import SkinnedMuscle, Skinning
 from vtkmuscle.core.types import Bools, Floats, Ints, Progress, quiet
 
-#: Neighbouring muscles now.
-Near = Sequence[Neighbour]
 #: How far a displacement spreads over the surface, the standard deviation along a line, as a part of the
 #: muscle's mean thickness 2 V / A. Of four muscles of a real hip 0.2 and 0.3 leave one a tenth rougher or
 #: another a tenth smoother; 0.8 is rougher, and takes all farther from where they are carried

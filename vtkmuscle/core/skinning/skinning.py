@@ -13,9 +13,9 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.polylines import stations_of
 from vtkmuscle.core.mesh.surface import sorted_into_bins
 from vtkmuscle.core.motion.blending import nearest_rotations
-from vtkmuscle.core.paths.neighbours import SAME, path_lengths, path_widths
+from vtkmuscle.core.paths.neighbours import path_lengths, path_widths
 from vtkmuscle.core.paths.surroundings import directions_along
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import ROUNDING, Floats, Ints
 
 #: Paths that take a point of the surface along, at most: those of the nearest points of paths, of which so
 #: many are looked at.
@@ -191,7 +191,7 @@ def falling_weights(distances: Floats, least: float) -> Floats:
     # Rounding decides the last of several neighbours at an equal distance: with a weight of 0 the choice does
     # not matter. Rows of equal weights stay unchanged.
     less = values - values[:, -1:]
-    values = np.where(less[:, :1] > SAME, less, values)
+    values = np.where(less[:, :1] > ROUNDING, less, values)
     return np.asarray(values / values.sum(axis=1, keepdims=True))
 
 
