@@ -45,7 +45,9 @@ BESIDE, LEFT_OUT, FEWEST = 8, 2, 8
 Way = Callable[..., Any]
 WAYS: dict[str, Way] = {
     "planes": lambda muscle, areas, n: decompose(muscle, areas, n_fibres=n, method="plane"),
-    "isolines": lambda muscle, areas, n: decompose(muscle, areas, n_fibres=n, method="harmonic"),
+    "isolines": lambda muscle, areas, n: decompose(
+        muscle, areas, n_fibres=n, method="harmonic", end_rule="shared"
+    ),
     "straight": lambda muscle, areas, n: FibreSource(
         muscle=muscle, attachments=areas, n_fibres=n, course="straight"
     ),
