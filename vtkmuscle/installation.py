@@ -50,9 +50,9 @@ def _measured() -> Iterator[tuple[str, float, float, float]]:
         result = Scene.from_phantom(phantom, n_fibres=N_FIBRES).run(frames="0:9:4")
         (arms,) = result[name].moment_arms.values()
         answer: Any = phantom.known["moment_arm"]
-        known = answer(float(arms.values[-1])) if callable(answer) else answer
+        expected = answer(float(arms.values[-1])) if callable(answer) else answer
         quantity = f"{phantom.name}: mean moment arm at {arms.values[-1]:g} {arms.unit} [mm]"
-        yield quantity, float(arms.mean[-1]), known, ARM_ERROR
+        yield quantity, float(arms.mean[-1]), expected, ARM_ERROR
     scene = Scene.from_phantom(spindle_over_hinge(), n_fibres=N_FIBRES)
     ratio = scene.run(deformer="pbd", frames="0:6").report["muscles"]["spindle"]["frames"][-1]["volume_ratio"]
     yield "spindle_over_hinge by PBD: volume / at rest", ratio, 1.0, SAME

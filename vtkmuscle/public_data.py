@@ -33,8 +33,8 @@ _DATA = toml_table("vtkmuscle", "public_data.toml")
 NAME, TITLE, HOST, LICENCE = (_DATA[key] for key in ("name", "title", "host", "licence"))
 #: Path of each file at the host, pinned to a commit, and its SHA-256 where that is known.
 FILES: dict[str, tuple[str, str | None]] = {
-    name: (f"{_DATA['folders'][folder]}/{path}", known[0] if known else None)
-    for name, (folder, path, *known) in _DATA["files"].items()
+    name: (f"{_DATA['folders'][folder]}/{path}", digest[0] if digest else None)
+    for name, (folder, path, *digest) in _DATA["files"].items()
 }
 #: Muscles of the data set.
 _MUSCLES = ("gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis")

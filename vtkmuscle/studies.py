@@ -96,7 +96,7 @@ def cohort(
     array(['anna', 'ben'], dtype='<U4')
     """
     every = [scenes] if isinstance(scenes, Scene | str | PathLike) else scenes
-    names = [one.name if isinstance(one, Scene) else str(one) for one in every]
+    names = [scene.name if isinstance(scene, Scene) else str(scene) for scene in every]
     listed = scenes.values() if isinstance(scenes, Mapping) else every
     labelled = [({"subject": name}, scene) for name, scene in zip(names, listed, strict=True)]
     return run_labelled(labelled, out, client, workers, progress, options)

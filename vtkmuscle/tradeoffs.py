@@ -182,11 +182,11 @@ def tradeoff(
             measured = {name: _measured(result, limit, name) for name in scene.muscles if result is not None}
             for name, row in ({ALL: _together(measured)} | measured).items():
                 rows.append([*values.values(), name, *row.values(), message])
-        found = Tradeoff(Table((*varied, "muscle", "verdict", "ms", *ERRORS, "message"), rows), varied)
+        measured_all = Tradeoff(Table((*varied, "muscle", "verdict", "ms", *ERRORS, "message"), rows), varied)
         if out is not None:
             with Outputs(folder, overwrite=overwrite):
-                found.write(folder)
-    return found
+                measured_all.write(folder)
+    return measured_all
 
 
 def _without(scene: Scene, names: set[str]) -> Scene:

@@ -126,9 +126,9 @@ def selftest() -> None:
     for word, fact in installation.installation().items():
         typer.echo(f"{word:<12}{fact}")
     table = installation.selftest()
-    for quantity, measured, known, within, passed in zip(*table.values(), strict=True):
+    for quantity, measured, expected, within, passed in zip(*table.values(), strict=True):
         verdict = "passed" if passed else "FAILED"
-        typer.echo(f"{verdict}  {quantity}: {measured:.6g}, known {known:.6g}, within {within:g}")
+        typer.echo(f"{verdict}  {quantity}: {measured:.6g}, known {expected:.6g}, within {within:g}")
     if not table["passed"].all():
         raise typer.Exit(FAILED)
 
@@ -156,8 +156,8 @@ def info(
         typer.echo(f"wrote {draw}")
 
 
-for one in (export, report, figures, compare, cohort, tradeoff, from_labels, init, check):
-    command(one.__name__.replace("_", "-"))(one)
+for verb in (export, report, figures, compare, cohort, tradeoff, from_labels, init, check):
+    command(verb.__name__.replace("_", "-"))(verb)
 
 
 @command()

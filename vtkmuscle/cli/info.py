@@ -61,26 +61,26 @@ def draw_landmarks(file: Path, picture: Path) -> None:
 
 
 def _of_landmarks(file: Path) -> dict[str, str]:
-    found = read_named_points(file)
+    named = read_named_points(file)
     points, closed = read_landmarks(file)
     around = np.vstack([points, points[:1]]) if closed else points
     length = float(np.linalg.norm(np.diff(around, axis=0), axis=1).sum())
     return {
         "landmarks": str(len(points)),
         "ring": f"yes, {length:.6g} round" if closed else f"no, {length:.6g} along",
-        "names": _listed([name for name in found.names if name]),
-        "frame": f"{found.frame}, turned to LPS" if found.frame == "RAS" else found.frame or "not said",
+        "names": _listed([name for name in named.names if name]),
+        "frame": f"{named.frame}, turned to LPS" if named.frame == "RAS" else named.frame or "not said",
         "bounds": _bounds(points),
     }
 
 
 def _of_motion(file: Path) -> dict[str, str]:
-    found = read_motion_file(file)
+    motion = read_motion_file(file)
     units = {True: "degrees", False: "radians", None: "not said"}
-    columns = zip(found.labels, found.table.T, strict=True)
+    columns = zip(motion.labels, motion.table.T, strict=True)
     ranges = [f"{label} ({column.min():.4g} .. {column.max():.4g})" for label, column in columns]
-    rows = f"{len(found.times)}, {found.times[0]:g} .. {found.times[-1]:g} s"
-    return {"rows": rows, "angles": units[found.degrees], "columns": _listed(ranges)}
+    rows = f"{len(motion.times)}, {motion.times[0]:g} .. {motion.times[-1]:g} s"
+    return {"rows": rows, "angles": units[motion.degrees], "columns": _listed(ranges)}
 
 
 def _of_model(file: Path) -> dict[str, str]:
@@ -89,11 +89,11 @@ def _of_model(file: Path) -> dict[str, str]:
     lists = {
         "bodies": tree.bodies,
         "joints": [f"{joint.name} ({joint.kind})" for joint in tree.joints],
-        "coordinates": [f"{one.name} [{one.unit}]" for one in tree.coordinates],
-        "coupled": [f"{one.dependent} to {one.independent}" for one in tree.couplings],
+        "coordinates": [f"{coordinate.name} [{coordinate.unit}]" for coordinate in tree.coordinates],
+        "coupled": [f"{pair.dependent} to {pair.independent}" for pair in tree.couplings],
         "muscles": model.muscles,
         "ligaments": model.ligaments,
-        "wrapped": [name for name, one in model.paths.items() if getattr(one.path, "wraps", ())],
+        "wrapped": [name for name, muscle in model.paths.items() if getattr(muscle.path, "wraps", ())],
         "meshes": [file for _, file in model.meshes],
         "not used": model.not_used,
     }

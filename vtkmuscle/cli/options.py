@@ -74,8 +74,8 @@ class CohortOptions:
     @property
     def choice(self) -> dict[str, Any]:
         """The given muscles and settings of scenes, as of ``Scene.run``."""
-        given = {"muscles": self.muscle, "deformer": self.deformer, "quality": self.quality}
-        return {name: value for name, value in given.items() if value}
+        values = {"muscles": self.muscle, "deformer": self.deformer, "quality": self.quality}
+        return {name: value for name, value in values.items() if value}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,11 +96,11 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def with_single(*arguments: Any, **keywords: Any) -> None:
-        options = kind(**{one.name: keywords.pop(one.name) for one in single})
+        options = kind(**{option.name: keywords.pop(option.name) for option in single})
         command(*arguments, **keywords, options=options)
 
     with_single.__signature__ = signature.replace(parameters=[*before, *single])  # type: ignore[attr-defined]
-    with_single.__annotations__ = {one.name: one.annotation for one in (*before, *single)}
+    with_single.__annotations__ = {option.name: option.annotation for option in (*before, *single)}
     return with_single
 
 

@@ -187,8 +187,8 @@ def tradeoff(
     kept: dict[str, Any] = {name: getattr(options, name) for name in ("frames", "workers", "overwrite")}
     for name in settings.keys() & {"scene", "out", "progress", *kept}:
         raise InputError("--vary", f"{name!r} is no setting of a scene", "vary e.g. quality, or n_paths")
-    found = vtkmuscle.tradeoff(vtkmuscle.Scene.load(scene), out, progress=show, **kept | settings)
-    whole, shown = found.table.where(muscle=ALL), (*found.settings, "verdict", "ms", *ERRORS)
+    result = vtkmuscle.tradeoff(vtkmuscle.Scene.load(scene), out, progress=show, **kept | settings)
+    whole, shown = result.table.where(muscle=ALL), (*result.settings, "verdict", "ms", *ERRORS)
     headings = (name.removesuffix("_rms_mm").replace("_", " ") for name in shown)
     table = Table(*headings, box=None, caption="ms a pose; errors: RMS in mm, of the worst muscle")
     for row in zip(*(whole[name] for name in shown), strict=True):
@@ -196,8 +196,8 @@ def tradeoff(
     if not options.quiet:
         Console().print(table)
     if options.within is not None:
-        best = found.cheapest(options.within)
-        typer.echo(", ".join(f"{name} = {best[name]}" for name in found.settings), nl=False)
+        best = result.cheapest(options.within)
+        typer.echo(", ".join(f"{name} = {best[name]}" for name in result.settings), nl=False)
         typer.echo(f": {best['ms']:.3g} ms a pose, error {best['error_mm']:.2g} mm")
     shared.say(options.quiet, f"wrote {out / 'tradeoff.csv'}, {out / 'tradeoff.png'}")
 

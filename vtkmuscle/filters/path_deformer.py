@@ -155,10 +155,10 @@ class PathDeformer(Filter):
         with errors_at("muscle"):
             carried = self.once("carried", made_from, CarriedMuscle)
         upstream = state_of_inputs(self, [] if neighbours is None else [self._number_of("neighbours")])
-        beside = self.once("neighbours", (fixed.points, upstream), lambda rest, _: Neighbours(rest))
+        near_now = self.once("neighbours", (fixed.points, upstream), lambda rest, _: Neighbours(rest))
 
         def posed(*_: Any) -> CarriedPose:
-            near, report = beside.at(neighbours), self.report_progress
+            near, report = near_now.at(neighbours), self.report_progress
             return carried.pose(now, bones.transforms, rounds=self.iterations, near=near, progress=report)
 
         def surface(pose: CarriedPose, measures: tuple[bool, bool]) -> vtkPolyData:

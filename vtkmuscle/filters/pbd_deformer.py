@@ -136,11 +136,11 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
         with errors_at("muscle"):
             solver, levels = self.once("solver", (rest, Parameters(**of_solver), more, count), self._made)
         # The neighbours' shapes at rest belong to the inputs.
-        beside = self.once("neighbours", (self._made_with, *levels), lambda _, *rests: Neighbours(*rests))
+        near_now = self.once("neighbours", (self._made_with, *levels), lambda _, *rests: Neighbours(*rests))
 
         def advance(before: State | None, bones: MovingBones, start: Surface | None, near: Any) -> State:
             """Return the state after another one."""
-            options: dict[str, Any] = {"near": beside.at(near), "report": self.report_part}
+            options: dict[str, Any] = {"near": near_now.at(near), "report": self.report_part}
             if start is None:
                 last = solver.at_rest(len(bones.surfaces)) if before is None else before
                 return solver.step(last, bones.transforms, **options)

@@ -108,11 +108,11 @@ def curves_for(
 def literature_of(path: Path, muscles: Sequence[str]) -> dict[str, tuple[LiteratureCurve, ...]]:
     """Return the curves of muscles in a table; InputError without any."""
     curves = read_literature(path)
-    found = {name: own for name in muscles if (own := curves_for(curves, muscle=name))}
-    if not found:
+    published = {name: own for name in muscles if (own := curves_for(curves, muscle=name))}
+    if not published:
         theirs = f"muscles in the file: {', '.join(sorted({curve.muscle for curve in curves}))}"
         raise InputError(path, f"the file has no moment arms of {listed(muscles)}", theirs)
-    return found
+    return published
 
 
 @dataclass(frozen=True, eq=False)

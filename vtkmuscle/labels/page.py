@@ -123,11 +123,11 @@ def from_labels(
     OSError, ValueError
         If a file cannot be read or written, or the map has no bones and muscles.
     """
-    folder, given = Path(out), [Path(file) for file in landmarks]
+    folder, files = Path(out), [Path(file) for file in landmarks]
     table = Path(names or "")
-    inputs = [Path(label_map), *given, *([table] if table.is_file() else [])]
+    inputs = [Path(label_map), *files, *([table] if table.is_file() else [])]
     outputs = Outputs.for_file(folder / "scene.toml", inputs, overwrite=overwrite)
-    return _written(draft_of_labels(label_map, landmarks=given, names=names, **options), outputs, folder)
+    return _written(draft_of_labels(label_map, landmarks=files, names=names, **options), outputs, folder)
 
 
 def _written(draft: Draft, outputs: Outputs, folder: Path) -> Draft:

@@ -199,9 +199,9 @@ def _cylinders(muscles: Sequence[MuscleOut]) -> Iterator[tuple[str, Element]]:
     for muscle in muscles:
         for number, cylinder in enumerate(getattr(muscle.path, "cylinders", ()), start=1):
             turn, size = _angles(cylinder.frame), {"radius": cylinder.radius, "length": CYLINDER}
-            place = {"xyz_body_rotation": turn, "translation": cylinder.centre, "quadrant": "all"}
+            position = {"xyz_body_rotation": turn, "translation": cylinder.centre, "quadrant": "all"}
             name = f"{muscle.name}-C{number}"
-            yield cylinder.body, _component("WrapCylinder", active="true", **place, **size, name=name)
+            yield cylinder.body, _component("WrapCylinder", active="true", **position, **size, name=name)
 
 
 def _coupler(coupling: Coupling) -> Element:

@@ -86,8 +86,8 @@ def drawn(
 def rest_pose_of(result: Result) -> FigureOrder:
     """Return the figure of a result's muscles at rest, with fixed points."""
     at_rest = {name: result.track(name).rest for name in result.muscle_names}
-    given = {"muscles": at_rest, "title": f"{result.name}: fixed points at rest", "units": result.units}
-    return FigureOrder("rest_pose", "plot_rest_pose", given, rendered=True)
+    keywords = {"muscles": at_rest, "title": f"{result.name}: fixed points at rest", "units": result.units}
+    return FigureOrder("rest_pose", "plot_rest_pose", keywords, rendered=True)
 
 
 def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
@@ -95,19 +95,19 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
     if not result.finished(name):
         return []
     track, title = result.track(name), label_of(name)
-    given: dict[str, Any] = {"frames": _frames(result, name), "rest_fibres": track.rest_fibres}
-    given |= {"title": title, "units": result.units}
-    figures = [FigureOrder(f"{name}_frames", "plot_muscle", given, rendered=True)]
+    keywords: dict[str, Any] = {"frames": _frames(result, name), "rest_fibres": track.rest_fibres}
+    keywords |= {"title": title, "units": result.units}
+    figures = [FigureOrder(f"{name}_frames", "plot_muscle", keywords, rendered=True)]
     curves = {"path": ("lengths", result.lengths), "fibre": ("fibre_lengths", result.fibre_lengths)}
     for of, (suffix, lengths) in curves.items():
         if name in lengths:
-            given = {"times": result.times[: len(lengths[name])], "lengths": lengths[name], "of": of}
-            given |= {"title": title, **_time_axis(result, name, len(lengths[name]))}
-            figures.append(FigureOrder(f"{name}_{suffix}", "plot_lengths", given))
+            keywords = {"times": result.times[: len(lengths[name])], "lengths": lengths[name], "of": of}
+            keywords |= {"title": title, **_time_axis(result, name, len(lengths[name]))}
+            figures.append(FigureOrder(f"{name}_{suffix}", "plot_lengths", keywords))
     if arms := result.all_arms.get(name):
-        given = {"arms": dict(arms), "rest": MuscleFrame(track.rest, {}, track.rest_fibres, title)}
-        given |= {"literature": tuple(result.literature.get(name, ())), "units": result.units}
-        figures.append(FigureOrder(f"{name}_moment_arms", "plot_moment_arms", given, rendered=True))
+        keywords = {"arms": dict(arms), "rest": MuscleFrame(track.rest, {}, track.rest_fibres, title)}
+        keywords |= {"literature": tuple(result.literature.get(name, ())), "units": result.units}
+        figures.append(FigureOrder(f"{name}_moment_arms", "plot_moment_arms", keywords, rendered=True))
     return figures
 
 

@@ -79,13 +79,13 @@ class RunOptions:
             raise InputError("", f"progress is {self.progress!r}, not a function of muscle, stage, fraction")
 
 
-def run_options(given: Mapping[str, Any], settings: Iterable[str] = ()) -> RunOptions:
+def run_options(options: Mapping[str, Any], settings: Iterable[str] = ()) -> RunOptions:
     """Return options by name; an unknown name raises a TypeError, which names ``settings`` too."""
     names = [field.name for field in fields(RunOptions)]
-    for name in given:
+    for name in options:
         if name not in names:
             raise TypeError(f"there is no option {name!r}; {suggestion(name, [*names, *settings])}")
-    return RunOptions(**given)
+    return RunOptions(**options)
 
 
 def frame_numbers(frames: FrameChoice, count: int) -> range:
@@ -177,7 +177,7 @@ FibreNumbers = tuple[dict[str, Floats], dict[str, Floats] | None]
 
 def _numbers_of(fibres: vtkPolyData) -> FibreNumbers:
     paths = paths_of(fibres, "fibres")
-    columns = {name: one for name, one in fibre_columns(fibres).items() if name in FIBRE_MEASURES}
+    columns = {name: values for name, values in fibre_columns(fibres).items() if name in FIBRE_MEASURES}
     return columns, None if paths is None else paths.levers
 
 
@@ -221,16 +221,16 @@ class MuscleTrack:
     @property
     def ratios(self) -> Floats:
         """Mean path lengths (f,) relative to rest; NaN with via rings: their means have no error."""
-        known = np.nan if self.report.get("via_rings") else 1.0
-        return np.asarray(known * np.mean(self.lengths, axis=1) / self.rest_lengths.mean())
+        unknown = np.nan if self.report.get("via_rings") else 1.0
+        return np.asarray(unknown * np.mean(self.lengths, axis=1) / self.rest_lengths.mean())
 
     def errors(self) -> dict[str, Floats]:
         """Return the errors (f,) of the mean change of path length since rest [mm], and their parts."""
         if not self.lengths:
             return {}
         changes = np.array(self.lengths) - self.rest_lengths
-        known = {"numerical": np.array(self.segment_errors), "bow": levers_over_time(self.bows)[""]}
-        return mean_errors(changes, self.ratios, **known)
+        further = {"numerical": np.array(self.segment_errors), "bow": levers_over_time(self.bows)[""]}
+        return mean_errors(changes, self.ratios, **further)
 
     def add_lengths(self, fibres: vtkPolyData, millimetres: float) -> None:
         """Add the fibre and path lengths of a frame. The numbers of the fibres are added too."""

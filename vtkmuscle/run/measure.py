@@ -96,10 +96,10 @@ class MuscleMeasure:
             "fixed_error_max_mm": float(np.linalg.norm(points - held, axis=1).max()) * self._millimetres,
         }
 
-    def overlap(self, points: Floats, others: Iterable[vtkPolyData]) -> dict[str, Any]:
+    def overlap(self, points: Floats, muscles: Iterable[vtkPolyData]) -> dict[str, Any]:
         """Return the depth of points (n, 3) inside other muscles, by the names of the report."""
         depths = np.zeros(len(points))
-        for other in others:
+        for other in muscles:
             np.maximum(depths, outward_tree(*checked_surface(other, "muscle")).depth(points), out=depths)
         inside = depths[depths > 0.0] if depths.any() else np.zeros(1)
         return self._sizes("overlap", inside, count="overlapping_points")

@@ -67,9 +67,9 @@ class MuscleRun:
     with ``others`` is measured, and with ``muscle_contact`` ``"on"`` the muscle is kept out of ``others``.
     """
 
-    def __init__(self, run: SceneRun, name: str, others: Sequence[MuscleRun] = ()) -> None:
+    def __init__(self, run: SceneRun, name: str, neighbours: Sequence[MuscleRun] = ()) -> None:
         self.run, self.scene, self.clock = run, run.scene, run.options.clock
-        self.name, self.track, self.others = name, MuscleTrack(), others
+        self.name, self.track, self.neighbours = name, MuscleTrack(), neighbours
         self.deformer: PathDeformer | PBDDeformer | None = None
         self.seconds: dict[str, float] = {}
         self.track.report["seconds"] = self.seconds
@@ -201,8 +201,8 @@ class MuscleRun:
                 row["ms_fibres"] = 1000.0 * carried()
         if self.scene.muscle_contact != "off":
             with self._timed("measuring overlap"):
-                others = (other.update(time=now).output for other in self._deformers().values())
-                row |= measure.overlap(points, others)
+                surfaces = (other.update(time=now).output for other in self._deformers().values())
+                row |= measure.overlap(points, surfaces)
         self._keep(row | {"ms": 1000.0 * took()}, deformed, fibres)
 
     def _keep(self, row: dict[str, Any], deformed: vtkPolyData | None, fibres: vtkPolyData | None) -> None:
@@ -264,7 +264,7 @@ class MuscleRun:
 
     def _deformers(self) -> dict[str, PathDeformer | PBDDeformer]:
         """Return the deformers of other muscles without failure."""
-        whole = [other for other in self.others if other.track.failure is None]
+        whole = [other for other in self.neighbours if other.track.failure is None]
         return {other.name: other.deformer for other in whole if other.deformer is not None}
 
     def _report_progress(self, stage: str, fraction: float) -> None:
@@ -313,7 +313,7 @@ def muscle_pipeline(
     """
     muscle, motion = scene.muscles[name], scene.motion
     if muscle.crosses is not None:  # nobody asks for moment arms by others
-        motion = motion.by([one for one in motion.coordinates if one in muscle.crosses])
+        motion = motion.by([name for name in motion.coordinates if name in muscle.crosses])
     solver = None if scene.deformer == "none" else scene.solver_of(name)
     settings: dict[str, Any] = {key: getattr(scene, key) for key in ("deformer", "quality", "paths")}
     settings |= {"fibres": muscle.fibres, "fixing": scene.fixing_of(name), "solver": solver}

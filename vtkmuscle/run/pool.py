@@ -56,8 +56,8 @@ class Pool(ExitStack):
         self._warned: dict[Any, Any] = {}
         # What is large goes through files: a pipe that nobody reads any more would be written to for ever.
         self._folder = Path(self.enter_context(TemporaryDirectory()))
-        given = self._file("run", (run.scene, run.numbers, run.store, run.options.clock, run.only))
-        solving, drawing = (given, self._messages, self.checked), (self._folder / "bones", self._messages)
+        inputs = self._file("run", (run.scene, run.numbers, run.store, run.options.clock, run.only))
+        solving, drawing = (inputs, self._messages, self.checked), (self._folder / "bones", self._messages)
         self._drawers = self.enter_context(processes(max(size // 2, 1), _begin_drawing, drawing))
         self._solvers = self.enter_context(processes(size, _begin, solving))
 
@@ -108,10 +108,10 @@ class _Worker:
 _open = ExitStack()
 
 
-def _begin(given: Path, messages: Any, checked: Any) -> None:
+def _begin(inputs: Path, messages: Any, checked: Any) -> None:
     """Prepare a process that solves muscles."""
     _join(messages)
-    scene, numbers, store, clock, only = pickle.loads(given.read_bytes())
+    scene, numbers, store, clock, only = pickle.loads(inputs.read_bytes())
     _open.enter_context(keep_shared())  # all muscles of this process share bones
     options = RunOptions(progress=lambda *content: messages.put(("progress", *content)), clock=clock)
     _Worker.run = SceneRun(scene, numbers, store, options, only, checked=checked)
@@ -149,8 +149,8 @@ def _solve(name: str, path: Path) -> Path:
     return path
 
 
-def _draw(given: Path, folder: Path) -> float:
-    order: FigureOrder = pickle.loads(given.read_bytes())
+def _draw(inputs: Path, folder: Path) -> float:
+    order: FigureOrder = pickle.loads(inputs.read_bytes())
     before = time.perf_counter()
     if _Worker.studio is None:
         from vtkmuscle.plotting.sheets import DOTS_PER_INCH, SCREEN, set_style  # noqa: PLC0415 -- figures need it

@@ -52,8 +52,8 @@ def architecture_of(
     summary = muscle_summary(FibreMetrics(architecture=True)(fibres, muscle, attachments))
     result: dict[str, Any] = {}
     for array, (key, power) in MEASURES["architecture"].items():
-        found, scale = summary[array], millimetres**power
-        result[key] = found if isinstance(found, list) else found * scale
+        measured, scale = summary[array], millimetres**power
+        result[key] = measured if isinstance(measured, list) else measured * scale
     tendon, sarcomere = ((hill or {}).get(key) for key in ("tendon_slack_length", "sarcomere_length"))
     ratio = published(name, "fibre_to_path")
     lines, geometry = polylines_of(fibres, "fibres"), surface_of(muscle, "muscle").geometry
@@ -61,21 +61,21 @@ def architecture_of(
     volume = abs(signed_volume(*surface))
     profile = of_fibres.area_profile(*surface, geometry.samples(SAMPLES), lines.points, lines.offsets)
     shares = of_fibres.TENDON_AREA, *of_fibres.TENDON_AREAS
-    found, *ends = of_fibres.fascicles(profile, volume, lines.points, lines.offsets, shares=shares)
+    own, *ends = of_fibres.fascicles(profile, volume, lines.points, lines.offsets, shares=shares)
     whole = lines.lengths
-    source, lengths, by_thickness = "estimate", found.lengths, found.lengths.mean()
-    of_ends = [one.lengths for one in ends]
+    source, lengths, by_thickness = "estimate", own.lengths, own.lengths.mean()
+    of_ends = [estimate.lengths for estimate in ends]
     if aponeuroses is not None:
         source, lengths, of_ends = "aponeuroses", whole, [whole, whole]
         origin, insertion = _pennations(lines, aponeuroses, geometry)
-        found, *ends = (of_fibres.Fascicles(whole, origin, insertion, one.volume) for one in (found, *ends))
+        own, *ends = (of_fibres.Fascicles(whole, origin, insertion, each.volume) for each in (own, *ends))
     elif tendon is not None and tendon < whole.min():
         source, lengths = "scene", whole - tendon
         of_ends = [lengths, lengths]
     elif ratio is not None:
         source, lengths = "population", float(np.sqrt(ratio.low * ratio.high)) * whole
         of_ends = [ratio.low / PERSONAL * whole, ratio.high * PERSONAL * whole]
-        ends = [found, found]
+        ends = [own, own]
     square = millimetres**2
     result |= {
         "tendon_from": source,
@@ -83,13 +83,13 @@ def architecture_of(
         "fascicle_length_mm": spread(lengths * millimetres),
         "fascicle_length_range_mm": sorted(float(each.mean()) * millimetres for each in of_ends),
         "fascicle_length_by_thickness_mm": float(by_thickness) * millimetres,
-        "fascicle_pennation_origin_deg": spread(found.origin_angles),
-        "fascicle_pennation_insertion_deg": spread(found.insertion_angles),
-        "tendon_volume_share": 1.0 - found.volume / volume if volume > 0.0 else 0.0,
-        "volume_without_tendon_mm3": found.volume * millimetres**3,
-        "pcsa_without_tendon_mm2": found.cross_section(lengths) * square,
+        "fascicle_pennation_origin_deg": spread(own.origin_angles),
+        "fascicle_pennation_insertion_deg": spread(own.insertion_angles),
+        "tendon_volume_share": 1.0 - own.volume / volume if volume > 0.0 else 0.0,
+        "volume_without_tendon_mm3": own.volume * millimetres**3,
+        "pcsa_without_tendon_mm2": own.cross_section(lengths) * square,
         "pcsa_without_tendon_range_mm2": sorted(
-            one.cross_section(each) * square for one, each in zip(ends, of_ends, strict=True)
+            estimate.cross_section(each) * square for estimate, each in zip(ends, of_ends, strict=True)
         ),
     }
     if sarcomere is not None:
@@ -115,8 +115,10 @@ def _pennations(
 def architecture_table(muscles: Mapping[str, Mapping[str, Any]]) -> Table:
     """Return the architecture table of a report. A row per muscle with fibres."""
     columns = MEASURES["columns"]
-    known = {name: muscle["architecture"] for name, muscle in muscles.items() if "architecture" in muscle}
-    rows = ([name, *(values[key] for key in columns.values())] for name, values in known.items())
+    of_muscles = {
+        name: muscle["architecture"] for name, muscle in muscles.items() if "architecture" in muscle
+    }
+    rows = ([name, *(values[key] for key in columns.values())] for name, values in of_muscles.items())
     means = ([each["mean"] if isinstance(each, Mapping) else each for each in row] for row in rows)
     return Table(("muscle", *columns), means)
 
@@ -132,8 +134,8 @@ _PACKAGES = ("vtkmuscle", "numpy", "scipy", "numba", "vtk", "pyvista")
 
 def versions() -> dict[str, str]:
     """Return the versions of Python and packages. All packages with a part in the numbers."""
-    found = {"python": platform.python_version(), "platform": platform.platform()}
-    return found | {package: version_of(package) for package in _PACKAGES}
+    about = {"python": platform.python_version(), "platform": platform.platform()}
+    return about | {package: version_of(package) for package in _PACKAGES}
 
 
 def version_of(package: str, otherwise: str = "unknown") -> str:
@@ -151,7 +153,7 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
     inside = int((outside <= FIBRE_TOLERANCE).sum())
     lines, geometry = polylines_of(fibres, "fibres"), surface_of(muscle, "muscle").geometry
     volume = signed_volume(geometry.points, geometry.triangles)
-    found = of_fibres.arrangement(lines.points, lines.offsets, geometry.samples(SAMPLES), volume)
+    layout = of_fibres.arrangement(lines.points, lines.offsets, geometry.samples(SAMPLES), volume)
     angle = field_array(fibres, "SuperficialAngle")
     return {
         "fibres": fibres.GetNumberOfCells(),
@@ -159,16 +161,16 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
         "points_inside": inside,
         "points_outside": len(points) - inside,
         "farthest_outside_mm": float(outside.max()),
-        "crossing_share": found.crossing,
-        "hooked_share": found.hooked,
-        "turning_p95_deg": found.turning,
-        "bare_share": found.bare,
+        "crossing_share": layout.crossing,
+        "hooked_share": layout.hooked,
+        "turning_p95_deg": layout.turning,
+        "bare_share": layout.bare,
         **({} if angle is None else {"superficial_angle_degrees": float(angle[0])}),
     }
 
 
 def measures_of_fibres(columns: Mapping[str, Floats], millimetres: float) -> dict[str, Floats]:
     """Return measures (k,) of FibreMetrics by their names in reports, where the unit is in the name."""
-    known = {array: name for array, name in FIBRE_MEASURES.items() if array in columns}
-    scales = {name: millimetres if name.endswith("_mm") else 1.0 for name in known.values()}
-    return {name: scales[name] * columns[array] for array, name in known.items()}
+    names = {array: name for array, name in FIBRE_MEASURES.items() if array in columns}
+    scales = {name: millimetres if name.endswith("_mm") else 1.0 for name in names.values()}
+    return {name: scales[name] * columns[array] for array, name in names.items()}

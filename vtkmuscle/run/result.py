@@ -118,7 +118,7 @@ class Result(ResultData):
         verdicts = list(self.verdicts.values())
         muscles = ", ".join(f"{name} ({self.verdicts[name]})" for name in self.muscle_names)
         if len(verdicts) > MOST_LISTED:
-            counts = ", ".join(f"{verdicts.count(one)} {one}" for one in VERDICTS if one in verdicts)
+            counts = ", ".join(f"{verdicts.count(each)} {each}" for each in VERDICTS if each in verdicts)
             muscles = f"{len(verdicts)} muscles ({counts})"
         return f"Result({self.name!r}: {len(self.times)} frames of {muscles})"
 
@@ -189,11 +189,11 @@ class Result(ResultData):
         if (reason := can_render()) is not None:
             raise RuntimeError(f"no film can be made: {reason}")
         shown = ResultDisplay(self, muscles, off_screen=True, size=size)
-        with closing(shown.scene.plotter), replacing(Path(path)) as beside:
+        with closing(shown.scene.plotter), replacing(Path(path)) as file:
             # One palette for all: colours that change from picture to picture flicker.
-            first, *others = (Image.fromarray(picture).quantize(128) for picture in shown.pictures())
+            first, *further = (Image.fromarray(picture).quantize(128) for picture in shown.pictures())
             pause = round(1000 / fps)
-            first.save(beside, format="GIF", save_all=True, append_images=others, duration=pause, loop=0)
+            first.save(file, format="GIF", save_all=True, append_images=further, duration=pause, loop=0)
         return Path(path)
 
     def write_figures(
@@ -297,7 +297,7 @@ class MuscleResult(Remedies):
     def __init__(self, result: Result, name: str) -> None:
         result.track(name)  # ValueError for an unknown name
         self._result, self.name, self.verdict = result, name, result.verdicts[name]
-        self.reasons = tuple(one["says"] for one in result.report["muscles"][name]["verdict"]["reasons"])
+        self.reasons = tuple(each["says"] for each in result.report["muscles"][name]["verdict"]["reasons"])
 
     @property
     def volume(self) -> float:

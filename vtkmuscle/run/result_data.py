@@ -67,7 +67,7 @@ class ResultData(ByName):
     def verdicts(self) -> Mapping[str, str]:
         """The verdict on each muscle."""
         muscles = {name: self.report["muscles"][name] for name in self.muscle_names}
-        return {name: one["verdict"]["verdict"] for name, one in muscles.items() if "verdict" in one}
+        return {name: muscle["verdict"]["verdict"] for name, muscle in muscles.items() if "verdict" in muscle}
 
     @cached_property
     def lengths(self) -> Mapping[str, Floats]:
@@ -134,10 +134,10 @@ class ResultData(ByName):
             Their ``lengths`` (k,), ``points`` (k, n, 3), and ``levers``: per coordinate the moment arms (k,).
         """
         i, track = self._position(frame, time), self.track(name)
-        found = paths_of(self.fibres(name, frame=self.frames[i]), name) if track.lengths else None
-        if found is None:
+        paths = paths_of(self.fibres(name, frame=self.frames[i]), name) if track.lengths else None
+        if paths is None:
             raise InputError("", f"{name!r} has no paths", "give the muscle fibres, and areas on two bones")
-        return found
+        return paths
 
     def bones(self, *, frame: int | None = None, time: float | None = None) -> Any:
         """Return the bones in a kept frame, a block each, with the field array ``Transform``."""
@@ -249,13 +249,13 @@ class ResultData(ByName):
         parts = (
             {
                 "muscle": name,
-                "fibre": np.arange(one.shape[1])[:, None],
-                "frame": self.frames[: len(one)],
-                "time": self.times[: len(one)],
-                "length_mm": one.T,
+                "fibre": np.arange(values.shape[1])[:, None],
+                "frame": self.frames[: len(values)],
+                "time": self.times[: len(values)],
+                "length_mm": values.T,
                 "mean_error_mm": self._tracks[name].errors().get("total", np.nan),
             }
-            for name, one in lengths.items()
+            for name, values in lengths.items()
         )
         return Table.stacked(COLUMNS[table], parts)
 
@@ -267,8 +267,8 @@ class ResultData(ByName):
         muscles = self.report["muscles"]
         rows = [{"muscle": name, **row} for name in self.muscle_names for row in muscles[name]["frames"]]
         numbers = (key for row in rows for key, value in row.items() if not isinstance(value, dict | list))
-        known = dict.fromkeys(numbers)
-        return Table(tuple(known), ([row.get(key) for key in known] for row in rows))
+        columns = dict.fromkeys(numbers)
+        return Table(tuple(columns), ([row.get(key) for key in columns] for row in rows))
 
     def architecture(self) -> Table:
         """Return the architecture of the muscles at rest, a row each, as architecture.csv."""
@@ -276,11 +276,11 @@ class ResultData(ByName):
 
     def tables(self) -> dict[str, Table]:
         """Return the tables that a run writes, by their names: lengths, moment arms and architecture."""
-        found = {"lengths": self.length_table(), "fibre_lengths": self.fibre_length_table()}
+        tables = {"lengths": self.length_table(), "fibre_lengths": self.fibre_length_table()}
         if self.has_moment_arms:
             arms = self.moment_arms()
-            found |= {"moment_arms": arms.table(), "moment_arms_summary": arms.summary()}
-        return found | {"architecture": self.architecture()}
+            tables |= {"moment_arms": arms.table(), "moment_arms_summary": arms.summary()}
+        return tables | {"architecture": self.architecture()}
 
     def fibre_tables(self) -> Iterator[tuple[str, Table]]:
         """Give the measures of the fibres of each muscle. A row per fibre and frame."""
@@ -347,7 +347,7 @@ class ResultData(ByName):
 
 def _read_only(rows: Mapping[str, Sequence[Floats]]) -> dict[str, Floats]:
     """Return arrays of rows per frame. They are read-only, for moment arms are computed from them once."""
-    arrays = {name: np.array(one) for name, one in rows.items() if one}
+    arrays = {name: np.array(values) for name, values in rows.items() if values}
     for array in arrays.values():
         array.setflags(write=False)
     return arrays

@@ -203,13 +203,13 @@ def _solve(
         finish(name, track)
     names = [name for name in run.scene.muscles if name not in tracks]
     here = ThreadPoolExecutor(1, "muscles")  # VTK loses a Ctrl-C in the main thread
-    others: list[MuscleRun] = []
+    neighbours: list[MuscleRun] = []
 
     def solve(name: str) -> MuscleTrack:
         """Solve a muscle in this process; later muscles may meet it."""
-        muscle = MuscleRun(run, name, tuple(others))
+        muscle = MuscleRun(run, name, tuple(neighbours))
         muscle.go()
-        others.extend([muscle] * (run.scene.muscle_contact != "off"))
+        neighbours.extend([muscle] * (run.scene.muscle_contact != "off"))
         return muscle.track
 
     try:

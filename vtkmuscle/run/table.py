@@ -73,8 +73,8 @@ class Table(Mapping[str, NDArray[Any]]):
         array([0., 2., 0., 2.])
         """
         table = cls(columns, ())
-        found = [tuple(np.broadcast_arrays(*(part[name] for name in columns))) for part in parts]
-        table._parts = found or table._parts
+        blocks = [tuple(np.broadcast_arrays(*(part[name] for name in columns))) for part in parts]
+        table._parts = blocks or table._parts
         return table
 
     def __getitem__(self, column: str) -> NDArray[Any]:
@@ -150,14 +150,14 @@ class MomentArmTable(dict[str, dict[str, JointArms]]):
     def __init__(
         self, arms: Mapping[str, Mapping[str, JointArms]], refused: Mapping[str, str] | None = None
     ) -> None:
-        super().__init__({muscle: dict(found) for muscle, found in arms.items()})
+        super().__init__({muscle: dict(joints) for muscle, joints in arms.items()})
         self.refused = dict(refused or {})
 
     def __missing__(self, muscle: str) -> dict[str, JointArms]:
         raise KeyError(f"there are no moment arms of {muscle!r}; available: {', '.join(self) or 'none'}")
 
     def __repr__(self) -> str:
-        lines = [f"  {at['muscle']}{repr(one).removeprefix('JointArms')}" for at, one in self.labelled()]
+        lines = [f"  {at['muscle']}{repr(joint).removeprefix('JointArms')}" for at, joint in self.labelled()]
         title = "MomentArmTable [mm], mean (least to largest of all fibres and values):"
         return "\n".join([title, *lines] if lines else ["MomentArmTable: empty"])
 
@@ -166,12 +166,12 @@ class MomentArmTable(dict[str, dict[str, JointArms]]):
         parts = (
             {
                 **labels,
-                "fibre": np.arange(one.arms.shape[1])[:, None],
-                "moment_arm_mm": one.arms.T,
-                "slope_mm": one.slopes.T,
-                "quartic_mm": np.nan if one.quartic is None else one.quartic.T,
+                "fibre": np.arange(joint.arms.shape[1])[:, None],
+                "moment_arm_mm": joint.arms.T,
+                "slope_mm": joint.slopes.T,
+                "quartic_mm": np.nan if joint.quartic is None else joint.quartic.T,
             }
-            for labels, one in self.labelled()
+            for labels, joint in self.labelled()
         )
         return Table.stacked(COLUMNS["moment_arms"], parts)
 
@@ -180,36 +180,36 @@ class MomentArmTable(dict[str, dict[str, JointArms]]):
         parts = (
             {
                 **labels,
-                "mean_mm": one.mean,
-                "slope_mean_mm": one.mean_slope,
-                "min_mm": one.arms.min(axis=1),
-                "max_mm": one.arms.max(axis=1),
-                "quartic_mean_mm": np.nan if one.quartic is None else one.quartic.mean(axis=1),
-                "error_mm": one.errors["total"],
+                "mean_mm": joint.mean,
+                "slope_mean_mm": joint.mean_slope,
+                "min_mm": joint.arms.min(axis=1),
+                "max_mm": joint.arms.max(axis=1),
+                "quartic_mean_mm": np.nan if joint.quartic is None else joint.quartic.mean(axis=1),
+                "error_mm": joint.errors["total"],
             }
-            for labels, one in self.labelled()
+            for labels, joint in self.labelled()
         )
         return Table.stacked(COLUMNS["moment_arms_summary"], parts)
 
     def report(self, muscle: str) -> dict[str, Any]:
         """Return range and mean of a muscle's moment arms. By coordinate, JSON-able."""
         report = {}
-        for name, found in self.get(muscle, {}).items():
-            ends = [float(found.values.min()), float(found.values.max())]
-            own: dict[str, Any] = {"unit": found.unit, "positive": found.positive, "values": ends}
-            own |= {f"{word}_mm": float(getattr(found.arms, word)()) for word in ("mean", "min", "max")}
-            own["errors"] = error_sizes(found.errors)
-            own["slope_difference_mm"] = root_mean_square(found.arms - found.slopes)
-            residuals = found.quartic_residuals
+        for name, joint in self.get(muscle, {}).items():
+            ends = [float(joint.values.min()), float(joint.values.max())]
+            own: dict[str, Any] = {"unit": joint.unit, "positive": joint.positive, "values": ends}
+            own |= {f"{word}_mm": float(getattr(joint.arms, word)()) for word in ("mean", "min", "max")}
+            own["errors"] = error_sizes(joint.errors)
+            own["slope_difference_mm"] = root_mean_square(joint.arms - joint.slopes)
+            residuals = joint.quartic_residuals
             own["quartic_residual_mean_mm"] = None if residuals is None else float(residuals.mean())
             report[name] = own
         return report
 
     def labelled(self) -> Iterator[tuple[dict[str, Any], JointArms]]:
         """Give the columns that tables share, and the moment arms."""
-        for muscle, found in self.items():
-            for name, one in found.items():
-                yield {"muscle": muscle, "coordinate": name, "unit": one.unit, "value": one.values}, one
+        for muscle, joints in self.items():
+            for name, joint in joints.items():
+                yield {"muscle": muscle, "coordinate": name, "unit": joint.unit, "value": joint.values}, joint
 
 
 def optional_package(name: str, use: str, brought_by: str = "", file: Path | None = None) -> Any:

@@ -87,8 +87,8 @@ def judge(
     """
     rows = track.report["frames"]
     values, missing = _series(track, rest_lengths, motion, n_edges)
-    found = (_reason(name, series, rows, size / FULL_SIZE) for name, series in values.items())
-    reasons = [reason for reason in found if reason is not None]
+    candidates = (_reason(name, series, rows, size / FULL_SIZE) for name, series in values.items())
+    reasons = [reason for reason in candidates if reason is not None]
     if track.failure is not None:
         frame, time, why = track.failure
         problem, remedy = fault_of(why, placed=True)
@@ -233,11 +233,11 @@ def missing_checks(muscle: Judged) -> dict[str, str]:
 
 
 def _look(
-    muscle: Judged, check: str, found: tuple[float, float, str], says: str, do: str, at: int = 0
+    muscle: Judged, check: str, measured: tuple[float, float, str], says: str, do: str, at: int = 0
 ) -> Reason:
     """Return a reason for a look: value, limit and unit, ``at`` a kept frame."""
     row = muscle.track.report["frames"][at] if muscle.track.report["frames"] else {"frame": 0, "time": 0.0}
-    value, limit, unit = found
+    value, limit, unit = measured
     return Reason(check, LOOK, int(row["frame"]), row["time"], float(value), float(limit), unit, says, do)
 
 
@@ -257,16 +257,16 @@ def _hill(muscle: Judged) -> Iterator[Reason]:
 
 def _fascicles(muscle: Judged) -> Iterator[Reason]:
     """Yield fascicles that are too long or too short for the muscle's name."""
-    known = published(muscle.anatomical, "fibre_to_path")
+    ratio = published(muscle.anatomical, "fibre_to_path")
     architecture = muscle.track.report.get("architecture")
-    if known is None or architecture is None:
+    if ratio is None or architecture is None:
         return
     shortest, longest = architecture["fascicle_length_range_mm"]
-    low, high = known.low / PERSONAL, known.high * PERSONAL
+    low, high = ratio.low / PERSONAL, ratio.high * PERSONAL
     if longest < low * muscle.path or shortest > high * muscle.path:
         mean = architecture["fascicle_length_mm"]["mean"]
         says = f"the fascicles are {mean:.3g} mm long, {mean / muscle.path:.2f} of the path; published: "
-        says += _span(known.low, known.high, source=known.source)
+        says += _span(ratio.low, ratio.high, source=ratio.source)
         limit = high if shortest > high * muscle.path else low
         do = "give aponeuroses, or tendon_slack_length under hill; do not use PCSA and fascicle lengths"
         yield _look(muscle, "fascicles", (mean / muscle.path, limit, ""), says, do)
@@ -284,26 +284,26 @@ def _arms(muscle: Judged, arms: JointArms) -> Iterator[Reason]:
         do = "check the coordinate's unit, the joint's centre and the attachments"
         yield _look(muscle, "arm and length", (longer[worst], 1.0, ""), says, do, frames[worst])
     coordinate, sign = published_coordinate(arms.coordinate, arms.positive)
-    known = published(muscle.anatomical, "moment_arm", coordinate) if coordinate else None
+    arm = published(muscle.anatomical, "moment_arm", coordinate) if coordinate else None
     length = published(muscle.anatomical, "path_length")
     angles = sign * arms.angles
-    if known is None or length is None:
+    if arm is None or length is None:
         return
     size = muscle.path / np.array([length.high * PERSONAL, length.low / PERSONAL])
-    low, high = ((known.low - MARGIN) * size).min(), ((known.high + MARGIN) * size).max()
-    within = (angles >= known.values[0]) & (angles <= known.values[1]) & np.isfinite(mean)
+    low, high = ((arm.low - MARGIN) * size).min(), ((arm.high + MARGIN) * size).max()
+    within = (angles >= arm.values[0]) & (angles <= arm.values[1]) & np.isfinite(mean)
     if not within.any():
         return
     own = np.where(within, sign * mean, np.nan)
     worst, sweep = int(np.nanargmax(np.maximum(low - own, own - high))), float(np.nanmean(own))
-    certain = known.low * known.high > 0.0 and max(abs(known.low), abs(known.high)) > MARGIN
-    opposite = certain and sweep * known.low < 0.0
+    certain = arm.low * arm.high > 0.0 and max(abs(arm.low), abs(arm.high)) > MARGIN
+    opposite = certain and sweep * arm.low < 0.0
     if opposite or not low <= own[worst] <= high:
         limit = 0.0 if opposite else sign * (low if own[worst] < low else high)
         whole = f", of the other sign over the whole motion ({sign * sweep:.3g} mm)" if opposite else ""
         says = f"the mean moment arm by {arms.coordinate} is {mean[worst]:.3g} mm at "
         says += f"{sign * angles[worst]:.3g} degrees{whole}; published [mm]: "
-        says += _span(*sorted([sign * known.low, sign * known.high]), source=known.source)
+        says += _span(*sorted([sign * arm.low, sign * arm.high]), source=arm.source)
         do = "check the attachments, the axis and the surface there"
         yield _look(muscle, "published arms", (mean[worst], limit, "mm"), says, do, frames[worst])
 

@@ -101,7 +101,7 @@ class SceneJoints:
 
     def coordinates(self) -> dict[str, tuple[str, ...]]:
         """Return the free coordinates by joint."""
-        return {one.name: self.tree.crossed([one.parent, one.child]) for one in self.tree.joints}
+        return {joint.name: self.tree.crossed([joint.parent, joint.child]) for joint in self.tree.joints}
 
     def motion(self, table: schema.SceneTable, files: SceneFiles) -> RigidMotion:
         """Return the bones' motion by the scene's file or grid of coordinates."""

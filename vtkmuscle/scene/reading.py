@@ -55,11 +55,11 @@ def read_fields(path: Path) -> dict[str, Any]:
         "bones": bones,
         "muscles": muscles,
         "motion": motion,
-        "solver": table.solver.given(),
-        "fixing": table.fixing.given(),
+        "solver": table.solver.settings(),
+        "fixing": table.fixing.settings(),
         "files": files.paths,
         "joints": {} if joints is None else joints.coordinates(),
-        "paths": None if table.paths is None else table.paths.given(),
+        "paths": None if table.paths is None else table.paths.settings(),
     }
     return fields if table.mirror is None else _mirrored(fields, table.mirror)
 
@@ -85,7 +85,7 @@ def _muscle(
             within, named = NEAR / MILLIMETRES[scene.units], zip(ROLES, table.attachments.bones, strict=False)
             areas = areas_in_contact(surface, bones, chains, within=within, **dict(named))
     sheets = [] if table.aponeuroses is None else _aponeuroses(key, table.aponeuroses, files, scene)
-    fibres = None if table.fibres is None else table.fibres.given()
+    fibres = None if table.fibres is None else table.fibres.settings()
     if fibres is not None and fibres.get("template_file") is not None:
         where = f"{key}.fibres.template_file"
         files.tried(where, fibres["template_file"], read_template)
@@ -106,8 +106,8 @@ def _muscle(
         surface,
         tuple(areas),
         fibres,
-        solver=table.solver.given(),
-        fixing=table.fixing.given(),
+        solver=table.solver.settings(),
+        fixing=table.fixing.settings(),
         superficial_fibres=lines,
         literature=(published or {}).get(name, ()),
         crosses=crosses,

@@ -47,7 +47,7 @@ class SchemaTable(pydantic.BaseModel):
 class Settings(SchemaTable):
     """A table of filter settings; only keys in the file count."""
 
-    def given(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """Return the settings in the file."""
         return self.model_dump(exclude_unset=True)
 

@@ -231,7 +231,7 @@ def _direction(
     """Yield a coordinate that turns a bone against its name, as from a standing pose in the frame."""
     words = set(re.findall("[a-z]+", f"{name} {positive}".casefold().replace("_", " ")))
     for kind in JOINTS:
-        axis = next((np.array(kind.axes[one]) for one in kind.axes if "flexion" in one), None)
+        axis = next((np.array(kind.axes[name]) for name in kind.axes if "flexion" in name), None)
         ends = [[bone for bone in scene.bones if has_word(bone, of)] for of in (kind.children, kind.parents)]
         if axis is None or "flexion" not in words or not all(ends):
             continue
@@ -273,18 +273,18 @@ def _gaps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     bodies: dict[bytes, list[str]] = {}
     for bone in anatomy.bones:
         bodies.setdefault(scene.motion.transforms.get(bone, np.eye(4)).tobytes(), []).append(bone)
-    for body, others in combinations(bodies.values(), 2):
-        tables = [scene.motion.transforms.get(names[0]) for names in (others, body)]
-        pairs = list(product(body, others))
+    for body, opposite in combinations(bodies.values(), 2):
+        tables = [scene.motion.transforms.get(names[0]) for names in (opposite, body)]
+        pairs = list(product(body, opposite))
         gaps = []
         for pose in (None, *chosen):
             now, fixed = (np.eye(4) if pose is None or table is None else table[pose] for table in tables)
             gaps.append([_gap(anatomy, *pair, inverse(fixed) @ now) for pair in pairs])
         closest = np.min(gaps, axis=1)
-        size = min(max(sizes[bone] for bone in names) for names in (body, others))
+        size = min(max(sizes[bone] for bone in names) for names in (body, opposite))
         near = limits["part"] * size
         # Bones between the two, as a femur between pelvis and tibia, let both go apart by their own sizes.
-        reach = size + sum(sizes[bone] for bone in sizes.keys() - {*body, *others})
+        reach = size + sum(sizes[bone] for bone in sizes.keys() - {*body, *opposite})
         deeper, apart = np.maximum(0.0, -closest), np.maximum(0.0, closest)
         for limit, how, gap in (
             (near, "deeper in each other", deeper),

@@ -108,7 +108,7 @@ def _conflicts(scene: schema.SceneTable) -> Iterator[_Fault]:
     allowed = DEFORMER_SETTINGS[scene.deformer]
     solvers = {f"muscles.{name}.solver": muscle.solver for name, muscle in scene.muscles.items()}
     for key, table in ({"solver": scene.solver} | solvers).items():
-        for setting in table.given():
+        for setting in table.settings():
             if setting not in allowed:
                 remedy = suggestion(setting, allowed) if allowed else "remove it"
                 yield _fault("no_setting", f"{key}.{setting}", deformer=scene.deformer, remedy=remedy)
@@ -144,7 +144,7 @@ def _of_attachments(key: str, muscle: schema.MuscleTable, scene: schema.SceneTab
         yield from _unknown_bone(f"{key}[{number}].bone", area.bone, scene.bones)
     roles = {area.role for area in muscle.attachments} - {VIA}
     default = FixedPointDetector.parameter_declarations["method"].default
-    method = {"method": default, **scene.fixing.given(), **muscle.fixing.given()}["method"]
+    method = {"method": default, **scene.fixing.settings(), **muscle.fixing.settings()}["method"]
     alone = ROLES[:1] if method == "attachment" and not roles else ()  # a muscle without fibres needs one
     for role in alone if muscle.fibres is None else ROLES:
         if role not in roles:

@@ -25,9 +25,9 @@ def thin(frames: dict[Time, Any], steps: Sequence[float], path: Sequence[Time], 
     path are kept, and not counted, so that playing on never restarts.
     """
     last, nbytes, stride = path[-2:], frames[path[-1]].nbytes, 1
-    while len(others := frames.keys() - last) * nbytes > memory:
+    while len(droppable := frames.keys() - last) * nbytes > memory:
         number: dict[Time, int] = {time: i for i, time in enumerate(steps)}
-        for time in others:
+        for time in droppable:
             if nbytes > memory or number.get(time, 0.5) % stride:
                 del frames[time]
         stride *= 2

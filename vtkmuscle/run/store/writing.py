@@ -145,10 +145,10 @@ def _check_results(folder: Path, scene: SceneData, report: Mapping[str, Any] | N
 _INSIST = "give another folder with --out, or --overwrite (overwrite=True)"
 
 
-def check_lost(place: Path, muscles: Sequence[str]) -> None:
+def check_lost(file: Path, muscles: Sequence[str]) -> None:
     """Raise an InputError if a run would remove muscles."""
     if muscles:
-        raise InputError(place, f"the run would remove the finished results of {', '.join(muscles)}", _INSIST)
+        raise InputError(file, f"the run would remove the finished results of {', '.join(muscles)}", _INSIST)
 
 
 #: Digits of the numbers in tables, and the tables that have all digits.
