@@ -48,6 +48,11 @@ def moved(surface, change):
     return with_points(surface, change(points_of(surface).copy()))
 
 
+def bone(name, change):
+    """Return what makes a scene with other points of a bone."""
+    return lambda scene: bones(scene, **{name: moved(scene.bones[name], change)})
+
+
 def one_point(value):
     def change(points):
         points[7] = value
@@ -192,42 +197,23 @@ NONSENSE = {
         True,
         "landmarks coincide",
     ),
-    "metres given as millimetres": (
-        lambda s: scaled(s, 1e-3),
-        False,
-        'if the files are in m, write units = "m"',
-    ),
+    "metres given as millimetres": (lambda s: scaled(s, 1e-3), False, 'files are in m, write units = "m"'),
     "millimetres given as metres": (
         lambda s: replace(s, units="m"),
         True,
-        'if the files are in mm, write units = "mm"',
+        'files are in mm, write units = "mm"',
     ),
+    "bone in another unit": (bone("femur", lambda x: 1e-3 * x), True, "scale all files to one unit"),
     "bone without an inside": (lambda s: bones(s, plate=sheet()), False, "muscles will pass through"),
     "bone of one triangle": (
         lambda s: bones(s, chip=surface_from(np.eye(3) * 30, [[0, 1, 2]])),
         False,
         "muscles will pass through",
     ),
-    "coordinate of 1e12": (
-        lambda s: bones(s, pelvis=moved(s.bones["pelvis"], one_point(1e12))),
-        True,
-        "remove stray points",
-    ),
-    "coordinate of 1e300": (
-        lambda s: bones(s, pelvis=moved(s.bones["pelvis"], one_point(1e300))),
-        True,
-        "has a coordinate of 1e\\+300",
-    ),
-    "coordinate with a digit too many": (
-        lambda s: bones(s, pelvis=moved(s.bones["pelvis"], one_point(8000.0))),
-        False,
-        "remove stray points",
-    ),
-    "scene 1e15 mm from the origin": (
-        lambda s: bones(s, pelvis=moved(s.bones["pelvis"], lambda x: x + 1e15)),
-        True,
-        "too far for its shape",
-    ),
+    "coordinate of 1e12": (bone("pelvis", one_point(1e12)), True, "remove stray points"),
+    "coordinate of 1e300": (bone("pelvis", one_point(1e300)), True, r"has a coordinate of 1e\+300"),
+    "coordinate with a digit too many": (bone("pelvis", one_point(8000.0)), False, "remove stray points"),
+    "scene 1e15 mm from the origin": (bone("pelvis", lambda x: x + 1e15), True, "too far for its shape"),
     "all areas on one bone": (
         lambda s: areas(s, lambda a: [replace(one, bone="pelvis") for one in a]),
         False,
