@@ -152,13 +152,9 @@ def combinations(settings: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def run_labelled(
-    labelled: Sequence[tuple[Mapping[str, Any], Any]],
-    out: str | PathLike[str] | None,
-    client: Any,
-    workers: int | None,
-    progress: Callable[[Sequence[Row]], None] | None,
-    options: Mapping[str, Any],
-) -> Table:
+    labelled: Sequence[tuple[Mapping[str, Any], Any]], out: str | PathLike[str] | None, client: Any,
+    workers: int | None, progress: Callable[[Sequence[Row]], None] | None, options: Mapping[str, Any],
+) -> Table:  # fmt: skip
     """Run labelled scenes, and write the table. The labels are the first columns of the table."""
     of_run = {name: value for name, value in options.items() if name not in ("muscles", *SETTINGS)}
     run_options(of_run | {"workers": workers}, SETTINGS)
