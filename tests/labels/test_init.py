@@ -1,6 +1,7 @@
 """Scenes drawn up from meshes and landmarks: the phantom hip, written as people have it."""
 
 import csv
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -98,6 +99,9 @@ def test_each_guess_says_how_sure_it_is(files, tmp_path):
         write_polydata(file, arrays.with_points(part := read_surface(file), 100.0 * arrays.points_of(part)))
     done = init(*(each for each in files if each.suffix == ".vtp"), "--out", tmp_path / "cm")
     assert "0.40  units: mm; the longest side of all surfaces is" in done.output
+    write_polydata(file, arrays.with_points(part, 1e-3 * arrays.points_of(part)))
+    done = init(*(each for each in files if each.suffix == ".vtp"), "--out", tmp_path / "two_units")
+    assert re.search(r"iliacus_r\.vtp: its longest side is .*; scale all files to one unit", done.stderr)
     assert {key.split(".")[-1] for key in scene.guessed} == {"units", "centre", "axes"}
 
 
@@ -140,6 +144,8 @@ def test_a_stated_name_without_a_mesh_and_a_folder_are_errors(files, tmp_path, o
     assert f"error: {option}: no mesh has the name 'pelvs'; did you mean 'pelvis'?" in done.stderr
     done = init(tmp_path, "--out", tmp_path / "scene")
     assert f"error: {tmp_path}: this is a folder, not a file" in done.stderr
+    with pytest.raises(OSError, match=f"{tmp_path}: this is a folder"):  # a text, not its letters
+        vtkmuscle.init(str(tmp_path), tmp_path / "scene")
     model = files[0].rename(tmp_path / "model.osim")
     assert "model.osim: this is no surface (.vtp, " in init(model, "--out", tmp_path / "scene").stderr
 

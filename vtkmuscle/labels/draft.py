@@ -160,7 +160,11 @@ class Draft:
         if self.sweep:
             add("motion", _motion(self.sweep, out / "motion.csv"))
         kept = ("units", *(f"joints.{name}." for name in self.joints))
-        sure = {guess.what: guess.confidence for guess in self.guesses if guess.what.startswith(kept)}
+        kept += tuple(f"muscles.{name}.surface" for name in self.muscles)
+        sure: dict[str, float] = {}
+        for what, confidence in ((guess.what, guess.confidence) for guess in self.guesses):
+            if what.startswith(kept):
+                sure[what] = min(confidence, sure.get(what, 1.0))
         add("guessed", {f'"{what}"': round(confidence, 4) for what, confidence in sure.items()})
         for name, muscle in self.muscles.items():
             areas = self.areas.get(name, [])

@@ -219,8 +219,9 @@ def further_reasons(muscle: Judged, odd: Sequence[SceneError]) -> Iterator[Reaso
 
 def _concerns(key: str, muscle: Judged) -> bool:
     """Return whether a key is of a muscle or its joints."""
-    if key.startswith(("muscles.", "units")):  # the scale of a scene is no property of a muscle
-        return key.startswith(f"muscles.{muscle.name}.")
+    own = key.removeprefix("guessed.")
+    if own.startswith("muscles.") or key.startswith("units"):  # the scale is no property of a muscle
+        return own.startswith(f"muscles.{muscle.name}.")
     crossed = muscle.scene.muscles[muscle.name].crosses
     moved = muscle.scene.joints.get(key.removeprefix("guessed.joints.").partition(".")[0])
     return not moved or crossed is None or not {*crossed}.isdisjoint(moved)
