@@ -30,14 +30,9 @@ from vtkmuscle.plotting.studio import Studio, actors_of, colours_of, fixed_bones
 
 
 def plot_rest_pose(
-    muscles: Mapping[str, vtkPolyData],
-    bones: views.DrawnBones,
-    studio: Studio,
-    *,
-    title: str = "",
-    units: str = "mm",
-    width: float = sheets.WIDTH,
-) -> Figure:
+    muscles: Mapping[str, vtkPolyData], bones: views.DrawnBones, studio: Studio, *, title: str = "",
+    units: str = "mm", width: float = sheets.WIDTH,
+) -> Figure:  # fmt: skip
     """Return a picture of muscles with fixed points at rest. The width on paper is in mm."""
     hiding = bones.spread()
     shown = {label_of(name): [muscle] for name, muscle in muscles.items()}
@@ -66,15 +61,9 @@ def plot_rest_pose(
 
 
 def plot_muscle(
-    frames: Sequence[views.MuscleFrame],
-    bones: views.DrawnBones,
-    studio: Studio,
-    *,
-    rest_fibres: vtkPolyData | None = None,
-    title: str = "",
-    units: str = "mm",
-    width: float = sheets.WIDTH,
-) -> Figure:
+    frames: Sequence[views.MuscleFrame], bones: views.DrawnBones, studio: Studio, *,
+    rest_fibres: vtkPolyData | None = None, title: str = "", units: str = "mm", width: float = sheets.WIDTH,
+) -> Figure:  # fmt: skip
     """Return a picture of a muscle in several frames, coloured by strain since ``rest_fibres``."""
     hiding = [bones.spread(frame.transforms) for frame in frames]
     view = views.clearest_view([frame.muscle for frame in frames], hiding)
