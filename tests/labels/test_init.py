@@ -201,13 +201,8 @@ def test_a_torn_muscle_is_repaired_on_request(files, tmp_path):
     done = init(*files, "--repair", "--out", tmp_path / "scene")
     assert done.exit_code == 0, done.output
     guesses = (tmp_path / "scene/guesses.csv").read_text()
-    words = (
-        "10 triangles were double",
-        "2 hole(s), 6 edges, were closed",
-        "49 of ",
-        "1 small part(s) were left",
-    )
-    assert [part for part in words if part not in guesses] == []
+    for words in ("10 triangles were double", "2 hole(s), 6 edges", "49 of ", "1 small part(s) were left"):
+        assert words in guesses
     surface = vtkmuscle.Scene.load(tmp_path / "scene/scene.toml").muscles["gluteus_medius_right"].surface
     assert survey(*arrays.checked_surface(surface, "")).volume == pytest.approx(
         METRES**3 * survey(arrays.points_of(whole), triangles).volume, rel=1e-3
