@@ -39,7 +39,7 @@ def suggestion(word: str, allowed: Iterable[str]) -> str:
 
 
 def remedy_for(owner: str, name: str, allowed: Iterable[str]) -> str:
-    """Return the remedy for a missing attribute; words.toml has names that other packages use."""
+    """Return the remedy for a missing attribute."""
     elsewhere = tomllib.loads((files("vtkmuscle.core") / "words.toml").read_text(encoding="utf-8"))
     known = {**elsewhere["any"], **elsewhere.get(owner, {})}
     return f"write {known[name]}" if name in known else suggestion(name, allowed)

@@ -217,7 +217,7 @@ def likely_unit(longest: float) -> tuple[str, float]:
 
 
 def _longest(clouds: Mapping[str, Floats]) -> float:
-    """Return the longest side of surfaces, points by file; InputError for sizes that no unit fits."""
+    """Return the longest side of surfaces, points by file."""
     longest = float(max(np.ptp(points, axis=0).max() for points in clouds.values()))
     if longest > CHECKS["unit"]["certain"]:
         raise InputError("", f"the longest side of all surfaces is {longest:.4g}", CHECKS["unit"]["do"])

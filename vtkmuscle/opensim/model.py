@@ -112,7 +112,7 @@ def read_osim(path: str | PathLike[str]) -> OsimModel:
 
 
 def own_name(model: Path) -> str:
-    """Return the first part of names of files with a model's errors, findings and meshes.
+    """Return the stem of names of a model's further files.
 
     A folder may have hip.osim and hip.xml: the names begin with ``hip`` and ``hip_xml``.
     """

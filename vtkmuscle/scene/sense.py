@@ -97,7 +97,7 @@ def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
 
 
 def other_units(clouds: Mapping[str, Floats]) -> Iterator[Finding]:
-    """Yield surfaces, points by key, too small beside the largest one."""
+    """Yield surfaces too small beside the largest one."""
     sizes = {key: float(np.ptp(points, axis=0).max()) for key, points in clouds.items()}
     for key, size in sizes.items():
         if size * CHECKS["other_unit"]["ratio"] < (longest := max(sizes.values())):
