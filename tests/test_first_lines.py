@@ -80,7 +80,8 @@ def known(tmp_path_factory):
     fibres = filters.FibreTemplateSource(n_fibres=4)()
     return {
         **{name: getattr(vtkmuscle, name) for name in vtkmuscle.__all__},
-        **{"vtkmuscle": vtkmuscle, "np": np},
+        "vtkmuscle": vtkmuscle,
+        "np": np,
         "scene": scene,
         "result": scene.run(frames="0:3"),
         "mesh": pv.Sphere(),

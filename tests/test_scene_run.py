@@ -295,7 +295,15 @@ def test_frames_are_counted_as_in_python():
         assert list(frame_numbers(frames, 46)) == expected
 
 
-ODD_FRAMES = [*"5:5 9:3 46 a 1:b 1:2:3:4 5:1:-1 50:60 1:5:0".split(), "", 46, -1, range(40, 50), [1, 3], 1.5]
+ODD_FRAMES = [
+    *["5:5", "9:3", "46", "a", "1:b", "1:2:3:4", "5:1:-1", "50:60", "1:5:0"],
+    "",
+    46,
+    -1,
+    range(40, 50),
+    [1, 3],
+    1.5,
+]
 
 
 @pytest.mark.parametrize("frames", [*ODD_FRAMES, slice(5, 1, -1)])
