@@ -103,14 +103,9 @@ def cohort(
 
 
 def vary(
-    scene: Scene | str | PathLike[str],
-    *,
-    out: str | PathLike[str] | None = None,
-    client: Any = None,
-    workers: int | None = None,
-    frames: str | slice | range | int | None = None,
-    **settings: Iterable[Any],
-) -> Table:
+    scene: Scene | str | PathLike[str], *, out: str | PathLike[str] | None = None, client: Any = None,
+    workers: int | None = None, frames: str | slice | range | int | None = None, **settings: Iterable[Any],
+) -> Table:  # fmt: skip
     """Run a scene with all combinations of settings.
 
     The result is the table of :func:`cohort`.

@@ -54,6 +54,8 @@ def test_a_missing_file_is_named_with_its_neighbours(tmp_path):
 def test_an_unknown_suffix_is_answered_with_the_known_ones(tmp_path):
     with pytest.raises(ValueError, match=r"'\.3mf' is not one of \.vtp, \.vtk"):
         read_surface(tmp_path / "x.3mf")
+    with pytest.raises(ValueError, match="a label map goes to vtkmuscle from-labels"):
+        read_surface(tmp_path / "hip.nii.gz")
 
 
 def volume(ball):
