@@ -100,6 +100,7 @@ def test_cells_of_notebooks_show_tables_and_pictures(scene, result):
     if can_render() is None:
         assert "data:image/png;base64" in scene._repr_html_()
         assert "data:image/png;base64" in result._repr_html_()
+        assert "data:image/png;base64" in result["spindle"]._repr_html_()
     assert "<td>spindle</td><td>ok</td>" in result._repr_html_()
     cell = result.length_table()._repr_html_()
     assert len(re.findall("<tr>", cell)) == 21  # names, and 20 rows at most
