@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 from pathlib import Path
 
 # Each processor has a process of tests; threads of BLAS beside it would only wait for one another.
@@ -12,6 +13,9 @@ import numpy as np
 import pytest
 from hypothesis import settings
 from tried import Tried
+
+# A shell's background job ignores Ctrl-C, and so would the programs that tests start and interrupt.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # How long an example takes is the machine's, not the code's.
 settings.register_profile("untimed", deadline=None)

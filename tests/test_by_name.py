@@ -2,12 +2,15 @@
 
 import pickle
 import re
+import tomllib
 from dataclasses import replace
+from importlib.resources import files
 
 import numpy as np
 import pytest
 import pyvista as pv
 
+import vtkmuscle
 from vtkmuscle import InputError, Muscle, Scene, phantoms
 from vtkmuscle.plotting import can_render
 
@@ -82,10 +85,22 @@ def test_a_muscle_has_length_volume_and_picture(scene, result):
     assert muscle.volume == pytest.approx(scene["spindle"].volume, rel=1e-6)
 
 
+def test_names_of_other_packages_are_answered_by_names_that_are_there(scene, result):
+    every = {"vtkmuscle": vtkmuscle, "Scene": scene, "Result": result, "MuscleResult": result["spindle"]}
+    every["MomentArmTable"] = result.moment_arms()
+    tables = tomllib.loads((files("vtkmuscle.core") / "words.toml").read_text())
+    for owner, name, hint in ((of, *pair) for of in every for pair in tables[of].items()):
+        with pytest.raises(AttributeError, match=re.escape(f"write {hint}")):
+            getattr(every[owner], name)
+        word = re.match(r"(vtkmuscle\.|len\(|list\()?(\w*)", hint)[2]
+        assert not word or hasattr(every[owner], word) or hasattr(vtkmuscle, word), (owner, name)
+
+
 def test_cells_of_notebooks_show_tables_and_pictures(scene, result):
     if can_render() is None:
         assert "data:image/png;base64" in scene._repr_html_()
         assert "data:image/png;base64" in result._repr_html_()
+        assert "data:image/png;base64" in result["spindle"]._repr_html_()
     assert "<td>spindle</td><td>ok</td>" in result._repr_html_()
     cell = result.length_table()._repr_html_()
     assert len(re.findall("<tr>", cell)) == 21  # names, and 20 rows at most

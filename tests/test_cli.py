@@ -51,6 +51,10 @@ def test_version():
     assert vtkmuscle_("--version").stdout == f"vtkmuscle {vtkmuscle.__version__}\n"
 
 
+def test_help_fills_its_lines():
+    assert "limit of the deformer, and to published" in vtkmuscle_("tradeoff", "--help").output
+
+
 def test_help_names_the_commands_without_loading_vtk():
     code = "import sys; from vtkmuscle.cli import main; sys.argv = ['vtkmuscle', '--help']\n"
     code += "try: main()\nfinally: assert not {'vtkmodules', 'numba', 'pyvista'} & set(sys.modules)"

@@ -5,7 +5,7 @@ import pytest
 import pyvista as pv
 
 import vtkmuscle
-from vtkmuscle import Muscle, Result, Scene, filters, phantoms, plotting
+from vtkmuscle import Scene, filters, phantoms
 from vtkmuscle.plotting import can_render
 
 #: Each line, and what it gives: "" where it works, else what the one error says.
@@ -79,18 +79,14 @@ def known(tmp_path_factory):
     scene = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=8)
     fibres = filters.FibreTemplateSource(n_fibres=4)()
     return {
+        **{name: getattr(vtkmuscle, name) for name in vtkmuscle.__all__},
+        "vtkmuscle": vtkmuscle,
+        "np": np,
         "scene": scene,
         "result": scene.run(frames="0:3"),
         "mesh": pv.Sphere(),
         "fibres": fibres,
-        "np": np,
         "folder": tmp_path_factory.mktemp("out"),
-        "vtkmuscle": vtkmuscle,
-        "Scene": Scene,
-        "Result": Result,
-        "Muscle": Muscle,
-        "filters": filters,
-        "plotting": plotting,
         "smoother": filters.FibreSmoother(fibres=fibres),
     }
 

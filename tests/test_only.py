@@ -43,6 +43,9 @@ def test_surfaces_are_those_of_a_run(scene, whole, tmp_path):
     for frame, surface in zip(whole.frames, surfaces, strict=True):
         assert_allclose(points_of(surface), points_of(whole.muscle("spindle", frame=frame)), atol=1e-9)
     assert sorted(path.name for path in tmp_path.iterdir()) == [".vtkmuscle.json", "spindle", "spindle.pvd"]
+    (tmp_path / "spindle/spindle_0008.vtp").write_text("mine")
+    run_only(scene, "surfaces", tmp_path, frames="0")  # frames of the earlier command go, the user's stay
+    assert {path.name for path in tmp_path.glob("*/*")} == {"spindle_0000.vtp", "spindle_0008.vtp"}
 
 
 @pytest.mark.parametrize("what", ["lengths", "moment_arms"])

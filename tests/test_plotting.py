@@ -9,9 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapes import lines_of
 
+from vtkmuscle import Scene, phantoms
 from vtkmuscle.data.arrays import add_arrays, multiblock_from, points_of, with_points
 from vtkmuscle.plotting import Studio, can_render, choose_view, drawing, make_plotter, plot_lengths
-from vtkmuscle.plotting.figures import plot_rest_pose, positions_across, shown_range
+from vtkmuscle.plotting.figures import plot_moment_arms, plot_rest_pose, positions_across, shown_range
 from vtkmuscle.plotting.sheets import Pixels
 from vtkmuscle.plotting.studio import actors_of, strain_colours
 from vtkmuscle.plotting.views import DrawnBones, framed
@@ -181,6 +182,13 @@ def test_the_length_figure_shows_each_fibre_and_the_mean():
     low, high = axes.get_ylim()
     assert low < 10.0
     assert high > 63.0
+
+
+def test_moment_arms_of_a_single_pose_are_dots():
+    result = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=3).run(frames=3)
+    arms = result.moment_arms()["spindle"]
+    dots = plot_moment_arms(arms).axes[0].collections[0].get_offsets()
+    np.testing.assert_allclose(dots[:, 1], arms["distal_angle"].arms[0])
 
 
 def test_fixed_points_are_seen_through_bones_in_the_rest_pose(renders):

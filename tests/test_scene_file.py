@@ -128,6 +128,8 @@ def test_attachments_may_be_estimated(scene_file, moving, tmp_path):
     scene = Scene.load(scene_file)
     areas = scene.muscles["spindle"].attachments
     assert {(area.role, area.bone == moving) for area in areas} == {("origin", False), ("insertion", True)}
+    with pytest.raises(SceneError, match="give the folder"):
+        scene.save(tmp_path / "saved.toml")
     again = Scene.load(scene.save(tmp_path / "saved")).muscles["spindle"].attachments
     assert all(area.estimated for area in (*areas, *again))
     for mine, yours in zip(areas, again, strict=True):

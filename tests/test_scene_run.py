@@ -295,27 +295,18 @@ def test_frames_are_counted_as_in_python():
         assert list(frame_numbers(frames, 46)) == expected
 
 
-@pytest.mark.parametrize(
-    "frames",
-    [
-        "5:5",
-        "9:3",
-        "46",
-        46,
-        -1,
-        "a",
-        "1:b",
-        "1:2:3:4",
-        "",
-        "5:1:-1",
-        range(40, 50),
-        "50:60",
-        [1, 3],
-        1.5,
-        slice(5, 1, -1),
-        "1:5:0",
-    ],
-)
+ODD_FRAMES = [
+    *["5:5", "9:3", "46", "a", "1:b", "1:2:3:4", "5:1:-1", "50:60", "1:5:0"],
+    "",
+    46,
+    -1,
+    range(40, 50),
+    [1, 3],
+    1.5,
+]
+
+
+@pytest.mark.parametrize("frames", [*ODD_FRAMES, slice(5, 1, -1)])
 def test_frames_that_do_not_exist_are_refused(frames):
     with pytest.raises(ValueError, match=r"frames .*; give A:B .* 0 <= A < B <= 46 \(B is not included\)"):
         frame_numbers(frames, 46)

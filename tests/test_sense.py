@@ -48,6 +48,11 @@ def moved(surface, change):
     return with_points(surface, change(points_of(surface).copy()))
 
 
+def bone(name, change):
+    """Return what makes a scene with other points of a bone."""
+    return lambda scene: bones(scene, **{name: moved(scene.bones[name], change)})
+
+
 def one_point(value):
     def change(points):
         points[7] = value
@@ -108,67 +113,56 @@ def twofold(scene):
     return replace(scene, muscles={name: muscle, "again": muscle}, muscle_contact="on")
 
 
+# fmt: off
 NONSENSE = {
     "coordinate in another unit": (
-        lambda s: hinged(s, flexion=np.radians(range(0, 31, 5))),
-        False,
+        lambda s: hinged(s, flexion=np.radians(range(0, 31, 5))), False,
         r"the bones turn by 57\.3 degrees per degree of the coordinate",
     ),
     "coordinate of another motion": (
-        lambda s: hinged(s, angles=[0, 5, 10, 15], flexion=[0.0, 50.0, 13.0, 80.0]),
-        False,
+        lambda s: hinged(s, angles=[0, 5, 10, 15], flexion=[0.0, 50.0, 13.0, 80.0]), False,
         "degrees per degree of the coordinate",
     ),
     "coordinate with the wrong sign": (
-        lambda s: hinged(s, flexion=-np.arange(0.0, 31.0, 5.0)),
-        False,
+        lambda s: hinged(s, flexion=-np.arange(0.0, 31.0, 5.0)), False,
         "its sign is not of flexion: by the coordinate 'femur' extends in LPS",
     ),
     "angles in radians": (
-        lambda s: replace(s, motion=hinge("femur", (0, 0, 0), (-1, 0, 0), np.arange(0.0, 1.6, 0.2))),
-        False,
+        lambda s: replace(s, motion=hinge("femur", (0, 0, 0), (-1, 0, 0), np.arange(0.0, 1.6, 0.2))), False,
         "write angles in degrees, not radians",
     ),
     "joint with a wrong centre": (
-        lambda s: hinged(s, centre=(0.0, 60.0, 80.0)),
-        False,
+        lambda s: hinged(s, centre=(0.0, 60.0, 80.0)), False,
         r"the bones 'pelvis' and 'femur' are \d+(\.\d+)? mm (deeper in each other|farther apart)",
     ),
     "frames missing from the motion": (
-        lambda s: hinged(s, angles=[0, 2, 4, 6, 26, 28, 30, 32]),
-        False,
+        lambda s: hinged(s, angles=[0, 2, 4, 6, 26, 28, 30, 32]), False,
         r"the bones jump from frame 3 to frame 4, by 20 degrees: the step is 9\.\d times as large",
     ),
     "two muscles in one position": (twofold, False, r"100% of the muscle lies in the muscle 'again'"),
     "guess of a joint that is not sure": (
-        lambda s: replace(s, guessed={"joints.hip.centre": 0.3, "units": 0.9}),
-        False,
+        lambda s: replace(s, guessed={"joints.hip.centre": 0.3, "units": 0.9}), False,
         r"guessed\.joints\.hip\.centre: is a guess with low confidence \(0\.30\)",
     ),
     "bone through a muscle": (
-        pierced,
-        False,
+        pierced, False,
         r"the bone 'rod' is up to \d+(\.\d+)? mm deep in the muscle, at \(",
     ),
     "estimate that is not sure": (unsure, False, r"estimated on .* with low confidence \(0.04\)"),
     "muscle deep in a bone": (
-        sunken,
-        False,
+        sunken, False,
         r"up to [56]\.\d* mm deep in the bone 'pelvis', at \(.*\), with \d+% of the points",
     ),
     "origin and insertion exchanged": (
-        lambda s: areas(s, lambda a: [replace(a[0], bone=a[1].bone), replace(a[1], bone=a[0].bone)]),
-        True,
+        lambda s: areas(s, lambda a: [replace(a[0], bone=a[1].bone), replace(a[1], bone=a[0].bone)]), True,
         "origin and insertion are exchanged",
     ),
     "origin on the insertion's bone": (
-        lambda s: areas(s, lambda a: [replace(a[0], bone=a[1].bone), *a[1:]]),
-        False,
+        lambda s: areas(s, lambda a: [replace(a[0], bone=a[1].bone), *a[1:]]), False,
         "but 0",
     ),
     "landmarks beside the bone": (
-        lambda s: landmarks(s, lambda x: x + np.array([0, 0, 60])),
-        False,
+        lambda s: landmarks(s, lambda x: np.add(x, [0, 0, 60])), False,
         "from their bone",
     ),
     "landmarks beside the muscle": (
@@ -177,70 +171,45 @@ NONSENSE = {
         "from their muscle",
     ),
     "bones 10 m away": (
-        lambda s: replace(s, bones={n: moved(b, lambda x: x + 1e4) for n, b in s.bones.items()}),
-        True,
+        lambda s: replace(s, bones={n: moved(b, lambda x: x + 1e4) for n, b in s.bones.items()}), True,
         "from their bone",
     ),
     "ring in random order": (lambda s: landmarks(s, shuffled), True, "not in the order of the boundary"),
     "two landmarks exchanged": (
-        lambda s: landmarks(s, lambda x: x[[0, 4, 2, 3, 1, *range(5, len(x))]]),
-        False,
+        lambda s: landmarks(s, lambda x: x[[0, 4, 2, 3, 1, *range(5, len(x))]]), False,
         "not in the order of the boundary",
     ),
     "all landmarks equal": (
-        lambda s: landmarks(s, lambda x: np.tile(x[0], (9, 1))),
-        True,
+        lambda s: landmarks(s, lambda x: np.tile(x[0], (9, 1))), True,
         "landmarks coincide",
     ),
-    "metres given as millimetres": (
-        lambda s: scaled(s, 1e-3),
-        False,
-        'if the files are in m, write units = "m"',
-    ),
+    "metres given as millimetres": (lambda s: scaled(s, 1e-3), False, 'files are in m, write units = "m"'),
     "millimetres given as metres": (
-        lambda s: replace(s, units="m"),
-        True,
-        'if the files are in mm, write units = "mm"',
+        lambda s: replace(s, units="m"), True,
+        'files are in mm, write units = "mm"',
     ),
+    "bone in another unit": (bone("femur", lambda x: 1e-3 * x), True, "scale all files to one unit"),
     "bone without an inside": (lambda s: bones(s, plate=sheet()), False, "muscles will pass through"),
     "bone of one triangle": (
-        lambda s: bones(s, chip=surface_from(np.eye(3) * 30, [[0, 1, 2]])),
-        False,
+        lambda s: bones(s, chip=surface_from(np.eye(3) * 30, [[0, 1, 2]])), False,
         "muscles will pass through",
     ),
-    "coordinate of 1e12": (
-        lambda s: bones(s, pelvis=moved(s.bones["pelvis"], one_point(1e12))),
-        True,
-        "remove stray points",
-    ),
-    "coordinate of 1e300": (
-        lambda s: bones(s, pelvis=moved(s.bones["pelvis"], one_point(1e300))),
-        True,
-        "has a coordinate of 1e\\+300",
-    ),
-    "coordinate with a digit too many": (
-        lambda s: bones(s, pelvis=moved(s.bones["pelvis"], one_point(8000.0))),
-        False,
-        "remove stray points",
-    ),
-    "scene 1e15 mm from the origin": (
-        lambda s: bones(s, pelvis=moved(s.bones["pelvis"], lambda x: x + 1e15)),
-        True,
-        "too far for its shape",
-    ),
+    "coordinate of 1e12": (bone("pelvis", one_point(1e12)), True, "remove stray points"),
+    "coordinate of 1e300": (bone("pelvis", one_point(1e300)), True, r"has a coordinate of 1e\+300"),
+    "coordinate with a digit too many": (bone("pelvis", one_point(8000.0)), False, "remove stray points"),
+    "scene 1e15 mm from the origin": (bone("pelvis", lambda x: x + 1e15), True, "too far for its shape"),
     "all areas on one bone": (
-        lambda s: areas(s, lambda a: [replace(one, bone="pelvis") for one in a]),
-        False,
+        lambda s: areas(s, lambda a: [replace(one, bone="pelvis") for one in a]), False,
         "will move with the bone, undeformed",
     ),
     "motion of 1e15 mm": (
-        lambda s: translated(s, [0, 1e15]),
-        True,
+        lambda s: translated(s, [0, 1e15]), True,
         "farther apart than at rest; .* unit and order of the transforms",
     ),
     "starts 3 m away": (lambda s: translated(s, [3000, 3001]), True, "farther apart than at rest"),
     "motion in another unit": (lambda s: translated(s, [0, 1, 300]), False, "farther apart than at rest"),
 }
+# fmt: on
 
 
 def scaled(scene, factor):

@@ -189,6 +189,8 @@ def test_what_has_no_figure_is_not_judged_and_told():
         "widespread penetration": "no bone has an inside",
         "volume": "not measured",
     }
+    few = verdict(rows()[:4], lengths=lengths()[:4], motion=None)  # too few for a jump among steps
+    assert few["not_checked"].keys() == {"jumps", "widespread jumps"}
 
 
 def test_what_could_not_be_computed_failed_also_in_the_first_frame_kept():

@@ -26,9 +26,9 @@ __all__ += ["__version__"]
 def __getattr__(name: str) -> Any:
     if name in __all__:
         return _attribute(name)
-    from vtkmuscle.core.words import suggestion  # noqa: PLC0415 -- difflib, for unknown names alone
+    from vtkmuscle.core.words import remedy_for  # noqa: PLC0415 -- difflib, for unknown names alone
 
-    remedy = suggestion(name, __all__)
+    remedy = remedy_for("vtkmuscle", name, __all__)
     if not name.startswith("_") and name in _attribute("filters").__all__:
         remedy = f"it is vtkmuscle.filters.{name}"
     raise AttributeError(f"module 'vtkmuscle' has no attribute {name!r}; {remedy}")

@@ -71,15 +71,9 @@ class MuscleAccessor(Remedies):
         return detector.apply()
 
     def deformed(
-        self,
-        bones: Any,
-        motion: RigidMotion,
-        *,
-        time: float | None = None,
-        fibres: Any = None,
-        attachments: Any = None,
-        **solver: Any,
-    ) -> Any:
+        self, bones: Any, motion: RigidMotion, *, time: float | None = None, fibres: Any = None,
+        attachments: Any = None, **solver: Any,
+    ) -> Any:  # fmt: skip
         """Return the muscle deformed with the bones.
 
         Parameters

@@ -151,6 +151,8 @@ class Scene(SceneData, ByName):
         of transforms and coordinates, without joints: moment arms of the saved scene are by coordinates that
         change alone.
         """
+        if Path(folder).suffix == ".toml":
+            raise SceneError("a scene is a folder with a scene.toml", "save", "give the folder", Path(folder))
         return write_scene(self, Path(folder))
 
     def run(

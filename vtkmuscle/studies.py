@@ -103,14 +103,9 @@ def cohort(
 
 
 def vary(
-    scene: Scene | str | PathLike[str],
-    *,
-    out: str | PathLike[str] | None = None,
-    client: Any = None,
-    workers: int | None = None,
-    frames: str | slice | range | int | None = None,
-    **settings: Iterable[Any],
-) -> Table:
+    scene: Scene | str | PathLike[str], *, out: str | PathLike[str] | None = None, client: Any = None,
+    workers: int | None = None, frames: str | slice | range | int | None = None, **settings: Iterable[Any],
+) -> Table:  # fmt: skip
     """Run a scene with all combinations of settings.
 
     The result is the table of :func:`cohort`.
@@ -152,13 +147,9 @@ def combinations(settings: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def run_labelled(
-    labelled: Sequence[tuple[Mapping[str, Any], Any]],
-    out: str | PathLike[str] | None,
-    client: Any,
-    workers: int | None,
-    progress: Callable[[Sequence[Row]], None] | None,
-    options: Mapping[str, Any],
-) -> Table:
+    labelled: Sequence[tuple[Mapping[str, Any], Any]], out: str | PathLike[str] | None, client: Any,
+    workers: int | None, progress: Callable[[Sequence[Row]], None] | None, options: Mapping[str, Any],
+) -> Table:  # fmt: skip
     """Run labelled scenes, and write the table. The labels are the first columns of the table."""
     of_run = {name: value for name, value in options.items() if name not in ("muscles", *SETTINGS)}
     run_options(of_run | {"workers": workers}, SETTINGS)

@@ -71,12 +71,14 @@ def test_surface_with_a_point_that_is_not_finite_is_refused_by_its_number(bad):
         checked_surface(surface_from(points, TRIANGLES), "here")
 
 
-def test_with_points_keeps_the_rest_and_leaves_the_input():
-    surface = surface_from(POINTS, TRIANGLES)
+def test_with_points_keeps_the_rest_but_normals_and_leaves_the_input():
+    surface = pv.wrap(surface_from(POINTS, TRIANGLES)).compute_normals(split_vertices=False)
     add_arrays(surface, points={"FixedTo": np.arange(4)}, cells={"part": np.arange(4.0)})
     moved = with_points(surface, POINTS + 1)
     np.testing.assert_array_equal(points_of(surface), POINTS)
     np.testing.assert_array_equal(points_of(moved), POINTS + 1)
+    assert moved.GetPointData().GetNormals() is moved.GetCellData().GetNormals() is None
+    assert surface.GetPointData().GetNormals() is not None
     np.testing.assert_array_equal(point_array(moved, "FixedTo", "here"), np.arange(4))
     np.testing.assert_array_equal(cell_array(moved, "part", "here"), np.arange(4.0))
 

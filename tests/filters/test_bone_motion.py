@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import pyvista as pv
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
@@ -43,11 +43,15 @@ def test_moving_bones_are_where_the_motion_has_them(bones, time):
     assert result["tibia"].GetPoints().GetData().GetDataTypeAsString() == "double"
 
 
-def test_normals_turn_with_the_bone_and_other_arrays_pass(bones):
+@pytest.mark.parametrize("name", ["Normals", None])
+def test_normals_turn_with_the_bone_and_other_arrays_pass(bones, name):
+    for attributes in (bones.GetBlock(1).GetPointData(), bones.GetBlock(1).GetCellData()):
+        attributes.GetNormals().SetName(name)
     moved = at(BoneMotion(motion=KNEE), bones, 60.0).GetBlock(1)
     turn = KNEE.at(60.0)["tibia"][:3, :3]
-    for kind in ("point_data", "cell_data"):
-        before, after = (getattr(pv.wrap(block), kind)["Normals"] for block in (bones.GetBlock(1), moved))
+    for kind in ("Point", "Cell"):
+        owners = (getattr(block, f"Get{kind}Data")() for block in (bones.GetBlock(1), moved))
+        before, after = (vtk_to_numpy(owner.GetNormals()) for owner in owners)
         np.testing.assert_allclose(after, before @ turn.T, atol=1e-6)
     np.testing.assert_array_equal(point_array(moved, "Density", "test"), np.arange(24))
     assert moved.GetFieldData().GetAbstractArray("Side").GetValue(0) == "right"

@@ -46,11 +46,16 @@ def test_a_missing_file_is_named_with_its_neighbours(tmp_path):
     (tmp_path / "ball.stl").touch()
     with pytest.raises(FileNotFoundError, match=r"bal\.stl: there is no such file; .*ball\.stl"):
         read_surface(tmp_path / "bal.stl")
+    (tmp_path / "bal.stl").symlink_to("gone.stl")
+    with pytest.raises(FileNotFoundError, match=r"bal\.stl: the link leads to gone\.stl, which is missing"):
+        read_surface(tmp_path / "bal.stl")
 
 
 def test_an_unknown_suffix_is_answered_with_the_known_ones(tmp_path):
     with pytest.raises(ValueError, match=r"'\.3mf' is not one of \.vtp, \.vtk"):
         read_surface(tmp_path / "x.3mf")
+    with pytest.raises(ValueError, match="a label map goes to vtkmuscle from-labels"):
+        read_surface(tmp_path / "hip.nii.gz")
 
 
 def volume(ball):

@@ -1,6 +1,7 @@
 """Scenes drawn up from meshes and landmarks: the phantom hip, written as people have it."""
 
 import csv
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -98,6 +99,9 @@ def test_each_guess_says_how_sure_it_is(files, tmp_path):
         write_polydata(file, arrays.with_points(part := read_surface(file), 100.0 * arrays.points_of(part)))
     done = init(*(each for each in files if each.suffix == ".vtp"), "--out", tmp_path / "cm")
     assert "0.40  units: mm; the longest side of all surfaces is" in done.output
+    write_polydata(file, arrays.with_points(part, 1e-3 * arrays.points_of(part)))
+    done = init(*(each for each in files if each.suffix == ".vtp"), "--out", tmp_path / "two_units")
+    assert re.search(r"iliacus_r\.vtp: its longest side is .*; scale all files to one unit", done.stderr)
     assert {key.split(".")[-1] for key in scene.guessed} == {"units", "centre", "axes"}
 
 
@@ -140,6 +144,8 @@ def test_a_stated_name_without_a_mesh_and_a_folder_are_errors(files, tmp_path, o
     assert f"error: {option}: no mesh has the name 'pelvs'; did you mean 'pelvis'?" in done.stderr
     done = init(tmp_path, "--out", tmp_path / "scene")
     assert f"error: {tmp_path}: this is a folder, not a file" in done.stderr
+    with pytest.raises(OSError, match=f"{tmp_path}: this is a folder"):  # a text, not its letters
+        vtkmuscle.init(str(tmp_path), tmp_path / "scene")
     model = files[0].rename(tmp_path / "model.osim")
     assert "model.osim: this is no surface (.vtp, " in init(model, "--out", tmp_path / "scene").stderr
 
@@ -187,13 +193,15 @@ def test_a_torn_muscle_is_repaired_on_request(files, tmp_path):
     points, triangles = METRES * arrays.points_of(whole), arrays.triangles_of(whole, "medius")
     crumb = points[triangles[0]].mean(axis=0) + 1e-4 * np.vstack([np.zeros(3), np.eye(3)])
     corners = len(points) + np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
-    torn = np.vstack([triangles[1:50, ::-1], triangles[50:], corners])
+    touching = 50 + int(np.argmax(np.isin(triangles[50:], triangles[0]).sum(axis=1) == 1))
+    rest = np.delete(triangles[50:], touching - 50, axis=0)
+    torn = np.vstack([triangles[1:50, ::-1], rest, corners, rest[80:90]])  # these ten are double
     write_polydata(files[2], arrays.surface_from(np.vstack([points, crumb]), torn))
     before = files[2].read_bytes()
     done = init(*files, "--repair", "--out", tmp_path / "scene")
     assert done.exit_code == 0, done.output
     guesses = (tmp_path / "scene/guesses.csv").read_text()
-    for words in ("1 hole(s), 3 edges, were closed", "49 of ", "1 small part(s) were left out"):
+    for words in ("10 triangles were double", "2 hole(s), 6 edges", "49 of ", "1 small part(s) were left"):
         assert words in guesses
     surface = vtkmuscle.Scene.load(tmp_path / "scene/scene.toml").muscles["gluteus_medius_right"].surface
     assert survey(*arrays.checked_surface(surface, "")).volume == pytest.approx(

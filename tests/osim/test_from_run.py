@@ -118,6 +118,8 @@ def test_mujoco_has_the_path_and_the_properties(ran, results, tmp_path):
     assert along == pytest.approx(properties["optimal_fiber_length"] * cosine)
     assert low - first * along == pytest.approx(properties["tendon_slack_length"])
     assert force == pytest.approx(properties["max_isometric_force"] * cosine)
+    errors = {file.name for file in tmp_path.glob("*errors.csv")}  # each model has its own
+    assert errors == {"strap_errors.csv", "strap_xml_errors.csv"}
 
 
 def test_properties_are_those_of_the_architecture():

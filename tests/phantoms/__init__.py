@@ -26,25 +26,8 @@ from phantoms.two_joint_strap import strap_over_two_joints
 from vtkmuscle.phantoms import Phantom, hip, pennate_block, spindle_over_hinge, wrapping_cylinder
 
 __all__ = [
-    "Phantom",
-    "block_sheets",
-    "broad_origin",
-    "fibre_block",
-    "flexor_over_brim",
-    "hip",
-    "label_map",
-    "leg",
-    "lifting_strap",
-    "pennate_belly",
-    "pennate_block",
-    "slivered_tendon",
-    "spindle_over_ball",
-    "spindle_over_hinge",
-    "strap_along_bone",
-    "strap_beside_bone",
-    "strap_over_two_joints",
-    "tendon_between_bones",
-    "tendon_through_ring",
-    "tendon_under_band",
-    "wrapping_cylinder",
-]
+    "Phantom", "block_sheets", "broad_origin", "fibre_block", "flexor_over_brim", "hip", "label_map", "leg",
+    "lifting_strap", "pennate_belly", "pennate_block", "slivered_tendon", "spindle_over_ball",
+    "spindle_over_hinge", "strap_along_bone", "strap_beside_bone", "strap_over_two_joints",
+    "tendon_between_bones", "tendon_through_ring", "tendon_under_band", "wrapping_cylinder",
+]  # fmt: skip

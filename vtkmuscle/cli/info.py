@@ -113,7 +113,8 @@ def _listed(names: list[str]) -> str:
 def _of_run(folder: Path) -> dict[str, str]:
     report = ResultFolder(folder).report()
     if report is None:
-        raise ValueError(f"{folder}: this is a folder without the report.json of a run")
+        problem = "the folder has no report.json of a run"
+        raise InputError(folder, problem, "give a folder of results, or files such as a scene.toml")
     ended = "yes" if report["complete"] else f"no: {report.get('stopped_by') or 'it was killed'}"
     frames = {name: f"{count} frames" for name, count in ResultFolder(folder).frames_there().items()}
     return {"scene": str(report.get("scene")), "complete": ended, **frames}

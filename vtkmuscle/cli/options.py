@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 import shlex
 import sys
 import threading
@@ -135,6 +136,10 @@ class TerminatedError(KeyboardInterrupt):
 
 class Command(TyperCommand):
     """A command that prints each error as one clear message."""
+
+    def __init__(self, *arguments: Any, help: str | None = None, **options: Any) -> None:  # noqa: A002
+        joined = re.sub(r"(?<=\S)\n(?=\S)", " ", help or "")  # lines of a docstring are wider than terminals
+        super().__init__(*arguments, help=joined, **options)
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""

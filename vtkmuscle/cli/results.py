@@ -57,6 +57,7 @@ def export(
     from vtkmuscle.cli.running import progress_bars
     from vtkmuscle.opensim import check_model
     from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
+    from vtkmuscle.opensim.model import own_name
 
     names = ["into", "overwrite", "groups", "specific_tension", *["form"] * (out.suffix.lower() == ".osim")]
     settings: dict[str, Any] = {name: getattr(options, name) for name in names}
@@ -69,7 +70,7 @@ def export(
         typer.echo(f"{muscle.out.name}: {muscle}")
         if parameters := muscle.out.parameters:
             typer.echo("  " + ", ".join(f"{name} {value:.4g}" for name, value in parameters.items()))
-    typer.echo(f"wrote {out}, and the errors in {out.stem}_errors.csv")
+    typer.echo(f"wrote {out}, and the errors in {own_name(out)}_errors.csv")
     if out.suffix.lower() == ".xml" and find_spec("mujoco") is None:
         typer.echo("The model is not checked: install the extra mujoco, and run vtkmuscle check.")
     else:
@@ -137,13 +138,14 @@ def check(
     if model.suffix.lower() == ".toml":
         raise InputError(model, "this is no model of muscles", "a run checks a scene: vtkmuscle run")
     from vtkmuscle.opensim import check_model
+    from vtkmuscle.opensim.model import own_name
 
     repair, scene, replace = options.repair, options.scene, options.replace
     if (repair is None) != (scene is None) or (repair is not None and not replace):
         raise InputError("--repair", "a repair takes a scene and muscles", "give --scene and --replace too")
     if repair is not None and model.suffix.lower() == ".xml":
         raise InputError("--repair", "a repair is of a model of OpenSim", "give an .osim file")
-    page = out or Path(f"{model.stem}_check.html")
+    page = out or Path(f"{own_name(repair or model)}_check.html")
     pages = io.Outputs.for_file(page, [model, scene], overwrite=options.overwrite)
     pages.check(page.with_suffix(".csv"))
     if repair is not None and scene is not None:

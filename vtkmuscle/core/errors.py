@@ -106,7 +106,9 @@ def check_is_file(path: Path, *, most: int = MOST_BYTES) -> None:
         folder = path.parent
         also = sorted(p.name for p in folder.iterdir() if p.suffix == path.suffix) if folder.is_dir() else []
         hint = f"files there: {', '.join(also[:5])}" if also else ""
-        raise MissingFileError(path, "there is no such file", hint)
+        lost = path.is_symlink()
+        what = f"the link leads to {path.readlink()}, which is missing" if lost else "there is no such file"
+        raise MissingFileError(path, what, "" if lost else hint)
     if not path.is_file():
         raise MissingFileError(path, "this is a pipe or a device, not a file", "copy the content to a file")
     size = path.stat().st_size

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import reprlib
+import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
+from importlib.resources import files
 from typing import Any
 
 _SHORT = reprlib.Repr()
@@ -13,19 +15,6 @@ _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = 8
 _SHORT.maxlevel = 3
 #: Most names that a message lists, and rows of a table in a cell: a few lines of a terminal.
 MOST_LISTED = 20
-#: What to write for names that other packages have.
-_ELSEWHERE = {
-    "fibers": "fibres",
-    "n_frames": "len(frames)",
-    "coordinates": "motion.coordinates",
-    "table": "frame_table(), architecture() or tables()",
-    "to_pandas": "to_frame()",
-    "plot_moment_arms": "write_figures(folder)",
-    "pcsa": "architecture['pcsa_mm2']",
-    "pennation": "architecture['fascicle_pennation_origin_deg']",
-    "replace": "with_settings(...)",
-    **{verb: f"vtkmuscle.{verb}" for verb in ("init", "export", "compare", "cohort", "vary", "tradeoff")},
-}
 
 
 def quoted(value: object) -> str:
@@ -49,6 +38,13 @@ def suggestion(word: str, allowed: Iterable[str]) -> str:
     return f"{meant}allowed: {listed(allowed)}"
 
 
+def remedy_for(owner: str, name: str, allowed: Iterable[str]) -> str:
+    """Return the remedy for a missing attribute."""
+    elsewhere = tomllib.loads((files("vtkmuscle.core") / "words.toml").read_text(encoding="utf-8"))
+    known = {**elsewhere["any"], **elsewhere.get(owner, {})}
+    return f"write {known[name]}" if name in known else suggestion(name, allowed)
+
+
 def listed(words: Sequence[str]) -> str:
     """Return words in a line, and the number of those beyond :data:`MOST_LISTED`."""
     more = [f"and {len(words) - MOST_LISTED} more"] * (len(words) > MOST_LISTED)
@@ -63,8 +59,7 @@ class Remedies:
         if name.startswith("_"):  # protocols of Python ask, and need no remedy
             raise AttributeError(problem)
         public = {word for word in (*dir(type(self)), *vars(self)) if not word.startswith("_")}
-        remedy = f"write {_ELSEWHERE[name]}" if name in _ELSEWHERE else suggestion(name, sorted(public))
-        raise AttributeError(f"{problem}; {remedy}")
+        raise AttributeError(f"{problem}; {remedy_for(type(self).__name__, name, sorted(public))}")
 
 
 class ByName(Remedies):

@@ -111,9 +111,11 @@ def shallow_copy(data: Data) -> Data:
 
 
 def with_points(data: Any, points: Floats) -> Any:
-    """Return a shallow copy of a data set with new points."""
+    """Return a shallow copy with new points, without normals."""
     copy = shallow_copy(data)
     copy.SetPoints(vtk_points(points))
+    for attributes in (copy.GetPointData(), copy.GetCellData()):
+        attributes.SetNormals(None)
     return copy
 
 

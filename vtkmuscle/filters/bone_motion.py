@@ -34,9 +34,11 @@ def _moved(bone: vtkPolyData, rest: Floats, transform: Floats) -> vtkPolyData:
     transform_points(transform.copy(), rest, vtk_to_numpy(positions.GetData()))
     moved.SetPoints(positions)
     for attributes in (moved.GetPointData(), moved.GetCellData()):
-        for directions in filter(None, (attributes.GetNormals(), attributes.GetVectors())):
-            turned = vtk_to_numpy(directions) @ transform[:3, :3].T
-            attributes.AddArray(vtk_array(turned, directions.GetName(), directions.GetDataType()))
+        normals, vectors = attributes.GetNormals(), attributes.GetVectors()
+        for replace, old in ((attributes.SetNormals, normals), (attributes.SetVectors, vectors)):
+            if old is not None:  # not by name: an array may have none
+                turned = vtk_to_numpy(old) @ transform[:3, :3].T
+                replace(vtk_array(turned, old.GetName(), old.GetDataType()))
     return add_arrays(moved, fields={"Transform": transform.reshape(-1)})
 
 

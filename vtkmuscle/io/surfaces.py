@@ -50,7 +50,7 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
     suffix = path.suffix.lower()
     if suffix not in SURFACE_SUFFIXES:
         problem = f"the suffix {path.suffix!r} is not one of {', '.join(SURFACE_SUFFIXES)}"
-        raise InputError(path, problem, "convert the file, e.g. with ParaView or pyvista.read(...).save(...)")
+        raise InputError(path, problem, FORMATS["remedies"].get(suffix, FORMATS["remedies"]["other"]))
     check_is_file(path)
     data = read_in_child(path, *FORMATS["readers"][suffix])
     if data.GetNumberOfPoints() == 0:

@@ -73,13 +73,9 @@ class Outputs:
     """
 
     def __init__(
-        self,
-        folder: Path,
-        *,
-        inputs: Mapping[str, Path] | Iterable[Path] = (),
-        overwrite: bool = False,
+        self, folder: Path, *, inputs: Mapping[str, Path] | Iterable[Path] = (), overwrite: bool = False,
         ours: Iterable[Path] = (),
-    ) -> None:
+    ) -> None:  # fmt: skip
         if folder.parts[:1] == ("~",):
             raise InputError(folder, "~ is not expanded", "give the full path, or Path(...).expanduser()")
         self.folder = Path(os.path.abspath(folder))
@@ -87,6 +83,7 @@ class Outputs:
         self._inputs = [(key, file, _reals(file)) for key, file in keyed]
         self._overwrite, self._ours = overwrite, {Path(os.path.abspath(path)) for path in ours}
         self._staged: dict[Path, Path] = {}
+        self.whole: set[Path] = set()  # folders that lose the other files of an earlier command
         self._stage = partial_path(self.folder / "outputs")
 
     @classmethod
@@ -161,6 +158,9 @@ class Outputs:
         for path, partial in self._staged.items():
             path.parent.mkdir(parents=True, exist_ok=True)
             partial.replace(path)
+        for path in (paths[name] for name in there):
+            if path.parent in self.whole and path not in self._staged and self._is_recorded(path):
+                path.unlink()
 
     def _record(self) -> dict[str, list[str]]:
         record = record_in(self.folder / RECORD)

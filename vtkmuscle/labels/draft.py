@@ -16,6 +16,7 @@ from vtkmuscle.core.errors import InputError, check_is_file, fault_of
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.motion.coordinates import MILLIMETRES
+from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.anatomy import plain_name, side_of
 from vtkmuscle.data.arrays import checked_surface, points_of, with_points
@@ -30,7 +31,7 @@ from vtkmuscle.labels.reading import kind_of
 from vtkmuscle.scene.checks import closed_surface, repaired_surface
 from vtkmuscle.scene.data import words_of
 from vtkmuscle.scene.reading import areas_in_contact
-from vtkmuscle.scene.sense import CHECKS
+from vtkmuscle.scene.sense import CHECKS, other_units
 from vtkmuscle.scene.writing import inline_toml, write_areas
 
 #: Fibres of each muscle.
@@ -91,7 +92,7 @@ class Draft:
                 self.leave_out(muscle, "; ".join(part for part in fault_of(error) if part))
         if not self.muscles:
             problem = "; ".join(f"{muscle}: {why}" for muscle, why in self.left_out.items())
-            self.lacks = f"no muscle can be made: {problem or 'there is none'}; {GIVE}"
+            self.lacks = f"no muscle can be made: {problem or 'there is no surface of a muscle'}"
 
     def guess(self, what: str, value: str, confidence: float, why: str) -> None:
         """Note a guess for a key of the scene."""
@@ -159,7 +160,11 @@ class Draft:
         if self.sweep:
             add("motion", _motion(self.sweep, out / "motion.csv"))
         kept = ("units", *(f"joints.{name}." for name in self.joints))
-        sure = {guess.what: guess.confidence for guess in self.guesses if guess.what.startswith(kept)}
+        kept += tuple(f"muscles.{name}.surface" for name in self.muscles)
+        sure: dict[str, float] = {}
+        for what, confidence in ((guess.what, guess.confidence) for guess in self.guesses):
+            if what.startswith(kept):
+                sure[what] = min(confidence, sure.get(what, 1.0))
         add("guessed", {f'"{what}"': round(confidence, 4) for what, confidence in sure.items()})
         for name, muscle in self.muscles.items():
             areas = self.areas.get(name, [])
@@ -211,6 +216,16 @@ def likely_unit(longest: float) -> tuple[str, float]:
     return ("m", 0.9) if MILLIMETRES["m"] * longest <= CHECKS["unit"]["longest"] else ("cm", 0.3)
 
 
+def _longest(clouds: Mapping[str, Floats]) -> float:
+    """Return the longest side of surfaces, points by file."""
+    longest = float(max(np.ptp(points, axis=0).max() for points in clouds.values()))
+    if longest > CHECKS["unit"]["certain"]:
+        raise InputError("", f"the longest side of all surfaces is {longest:.4g}", CHECKS["unit"]["do"])
+    for where, problem, remedy, _ in other_units(clouds):
+        raise InputError(where, problem, remedy)
+    return longest
+
+
 def draft_of_files(
     files: Sequence[Path], out: Path, stated: Mapping[str, str], frame: str, *, repair: bool
 ) -> Draft:
@@ -220,7 +235,7 @@ def draft_of_files(
     read, or its name is not recognised.
     """
     draft = Draft(out.resolve().name or "scene", frame=frame)
-    landmarks, meshes = [], {}
+    landmarks, meshes, clouds = [], {}, {}
     for file in files:
         check_is_file(file)
         name = plain_name(_stem(file))
@@ -237,6 +252,7 @@ def draft_of_files(
             problem = f"the header says {header}, but the frame is {frame}"
             raise InputError(file, problem, f"use --frame {header}")
         meshes[name] = kind, read_surface(file)
+        clouds[str(file)] = points_of(meshes[name][1])
         confidence = 1.0 if name in stated else 0.8
         draft.guess(f"{kind}s.{name}", kind, confidence, f"a {kind} by its name, {file.name}")
         folder = relpath(file.parent.resolve(), out.resolve())  # .. leads up from a link's target
@@ -245,7 +261,7 @@ def draft_of_files(
         raise InputError(f"--{stated[name]}", f"no mesh has the name {name!r}", suggestion(name, meshes))
     if not meshes:
         raise InputError("", "there is no surface of a bone or a muscle", "give mesh files")
-    longest = float(max(np.ptp(points_of(mesh), axis=0).max() for _, mesh in meshes.values()))
+    longest = _longest(clouds)
     draft.units, confidence = likely_unit(longest)
     small = draft.units == "mm" and longest < SMALLEST
     why = f"the longest side of all surfaces is {longest:.4g}{', of an animal, or a person in cm' * small}"

@@ -80,7 +80,10 @@ def init(
     >>> draft = vtkmuscle.init(["femur_r.stl", "pelvis.stl", "iliacus.stl"], "hip")  # doctest: +SKIP
     >>> result = vtkmuscle.Scene.load(draft.file).run()  # doctest: +SKIP
     """
-    folder, inputs = Path(out), [Path(file) for file in files]
+    folder, inputs = (
+        Path(out),
+        [Path(file) for file in ([files] if isinstance(files, str | PathLike) else files)],
+    )
     outputs = Outputs.for_file(folder / "scene.toml", inputs, overwrite=overwrite)
     stated = dict.fromkeys(map(plain_name, bones), "bone") | dict.fromkeys(map(plain_name, muscles), "muscle")
     draft = draft_of_files(inputs, folder, stated, frame, repair=repair)
@@ -192,13 +195,9 @@ _POINTS, _ROUNDS = 24, 600
 
 
 def with_tendon(
-    belly: LabelField,
-    surface: vtkPolyData,
-    target: Floats,
-    bones: Sequence[Solids],
-    edge: float,
-    scale: float,
-) -> tuple[vtkPolyData, float, float]:
+    belly: LabelField, surface: vtkPolyData, target: Floats, bones: Sequence[Solids], edge: float, scale:
+    float,
+) -> tuple[vtkPolyData, float, float]:  # fmt: skip
     """Return a belly with a tendon to ``target`` (3,), and the tendon's length and radius [mm]."""
     points, triangles = checked_surface(surface, "belly")
     tip = points[np.argmin(np.linalg.norm(points - target, axis=1))]

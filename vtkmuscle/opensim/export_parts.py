@@ -259,13 +259,9 @@ def opensim_properties(hill: Mapping[str, float], metres: float) -> dict[str, fl
 
 
 def completed_properties(
-    fixed: Mapping[str, float],
-    architecture: Mapping[str, Any],
-    name: str,
-    length: float,
-    share: float = 1.0,
+    fixed: Mapping[str, float], architecture: Mapping[str, Any], name: str, length: float, share: float = 1.0,
     specific_tension: float = SPECIFIC_TENSION,
-) -> dict[str, float]:
+) -> dict[str, float]:  # fmt: skip
     """Return OpenSim properties of a muscle, ``fixed`` properties completed from its architecture.
 
     Fibre length and pennation at rest are taken as optimal, unless the sarcomere length is in the

@@ -29,7 +29,7 @@ from vtkmuscle.joints.tree import KinematicTree
 from vtkmuscle.opensim import export_parts as parts
 from vtkmuscle.opensim.export_parts import PARTS, ExportedMuscle, fit_length, fit_points, rms
 from vtkmuscle.opensim.mjcf import mjcf_of
-from vtkmuscle.opensim.model import checked_model
+from vtkmuscle.opensim.model import checked_model, own_name
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PointPath, moment_arm
 from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
 from vtkmuscle.run.frames import RunOptions, run_options
@@ -101,8 +101,8 @@ def export(
     Muscles that failed in the run, or cross no coordinate, are left out, with a warning. A warning names
     muscles whose moment arms as written are wrong by a tenth. Where the motion does not move a coordinate
     that a muscle crosses, paths are computed in further poses. Next to the model are ``NAME_errors.csv`` and,
-    for a new model, meshes of bones and muscles, ``Geometry/NAME_BONE.stl``. In MuJoCo muscles are tendons
-    with actuators.
+    for a new model, meshes of bones and muscles, ``Geometry/NAME_BONE.stl``; for MuJoCo the names begin
+    with ``NAME_xml``. In MuJoCo muscles are tendons with actuators.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def export(
         errors = [(each.out.name, *item) for each in muscles for item in each.errors.items()]
         rows = [(*of, rms(off), float(np.abs(off).max()), float(off.mean())) for *of, off in errors]
         table = Table(("muscle", "of", "rms_mm", "largest_mm", "mean_mm"), rows)
-        table.to_csv(path.with_name(f"{path.stem}_errors.csv"), digits=6)
+        table.to_csv(path.with_name(f"{own_name(path)}_errors.csv"), digits=6)
         return muscles
 
 
@@ -378,7 +378,7 @@ def _write_meshes(run: _Run, model: Path) -> dict[str, list[str]]:
 
     Each file name begins with the model's: models of several subjects may be in the same folder.
     """
-    prefix = re.sub(r"\W", "_", model.stem)
+    prefix = re.sub(r"\W", "_", own_name(model))
     surfaces = {name: (run.joints.bodies[name], surface) for name, surface in run.scene.bones.items()}
     muscles = run.scene.muscles.items()
     surfaces |= {f"{name}_at_rest": (run.ends[name][0], muscle.surface) for name, muscle in muscles}

@@ -35,14 +35,10 @@ _PASSIVE = {"contype": "0", "conaffinity": "0", "mass": "0", "rgba": "0.8 0.75 0
 
 
 def mjcf_of(
-    tree: KinematicTree,
-    muscles: Sequence[MuscleOut] = (),
-    *,
-    name: str = "model",
-    masses: Mapping[str, float] | None = None,
-    meshes: Mapping[str, Sequence[str]] | None = None,
+    tree: KinematicTree, muscles: Sequence[MuscleOut] = (), *, name: str = "model",
+    masses: Mapping[str, float] | None = None, meshes: Mapping[str, Sequence[str]] | None = None,
     lengths: Mapping[str, Floats] | None = None,
-) -> str:
+) -> str:  # fmt: skip
     """Return a model as the text of an MJCF file.
 
     A rotation or translation equal to its coordinate becomes a joint of the coordinate's name. A polynomial

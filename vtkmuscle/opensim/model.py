@@ -111,6 +111,14 @@ def read_osim(path: str | PathLike[str]) -> OsimModel:
     return OsimModel(model.name, tree, markers, muscles, tuple(meshes), joint_of, tuple(not_used), ligaments)
 
 
+def own_name(model: Path) -> str:
+    """Return the stem of names of a model's further files.
+
+    A folder may have hip.osim and hip.xml: the names begin with ``hip`` and ``hip_xml``.
+    """
+    return model.stem if model.suffix.lower() != ".xml" else model.name.replace(".", "_")
+
+
 def checked_model(path: Path) -> OsimModel:
     """Return a model for further muscles; ValueError before version 4."""
     version = read_xml(path).attributes.get("Version", "0")

@@ -51,13 +51,9 @@ class MuscleOut(OsimMuscle):
 
 
 def osim_of(
-    tree: KinematicTree,
-    muscles: Sequence[MuscleOut] = (),
-    *,
-    name: str = "model",
-    masses: Mapping[str, float] | None = None,
-    meshes: Mapping[str, Sequence[str]] | None = None,
-) -> str:
+    tree: KinematicTree, muscles: Sequence[MuscleOut] = (), *, name: str = "model",
+    masses: Mapping[str, float] | None = None, meshes: Mapping[str, Sequence[str]] | None = None,
+) -> str:  # fmt: skip
     """Return a model as the text of an .osim file.
 
     Parameters

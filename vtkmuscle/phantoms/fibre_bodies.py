@@ -67,13 +67,9 @@ def pennate_block() -> Phantom:
 
 
 def block(
-    kind: str,
-    origins: Mapping[str, Floats],
-    insertion: Floats,
-    bones: Mapping[str, Surface],
-    answers: Mapping[str, Answer],
-    superficial: Mapping[str, vtkPolyData] | None = None,
-) -> Phantom:
+    kind: str, origins: Mapping[str, Floats], insertion: Floats, bones: Mapping[str, Surface],
+    answers: Mapping[str, Answer], superficial: Mapping[str, vtkPolyData] | None = None,
+) -> Phantom:  # fmt: skip
     """Return the block between plates; areas have corners (4, 3)."""
     rings = [AttachmentArea("origin", bone, _ring(corners), closed=True) for bone, corners in origins.items()]
     rings.append(AttachmentArea("insertion", "insertion_plate", _ring(insertion), closed=True))

@@ -55,15 +55,10 @@ class Phantom:
 
 
 def phantom_from(
-    name: str,
-    bones: Mapping[str, Surface],
-    muscles: Mapping[str, Surface],
-    areas: Mapping[str, Sequence[AttachmentArea]],
-    motion: RigidMotion,
-    known: Mapping[str, Answer],
-    template: str = "parallel",
-    superficial: Mapping[str, vtkPolyData] | None = None,
-) -> Phantom:
+    name: str, bones: Mapping[str, Surface], muscles: Mapping[str, Surface],
+    areas: Mapping[str, Sequence[AttachmentArea]], motion: RigidMotion, known: Mapping[str, Answer],
+    template: str = "parallel", superficial: Mapping[str, vtkPolyData] | None = None,
+) -> Phantom:  # fmt: skip
     """Return a phantom from points and triangles, with data sets of its own."""
     bone_data = multiblock_from({bone: surface_from(*surface) for bone, surface in bones.items()})
     muscle_data = {muscle: surface_from(*surface) for muscle, surface in muscles.items()}

@@ -278,17 +278,10 @@ class MusclePipeline:
 
 
 def deform(
-    muscle: Any,
-    bones: Any,
-    motion: RigidMotion,
-    attachments: Any = None,
-    *,
-    deformer: str = "paths",
-    fibres: Any = None,
-    superficial: Any = None,
-    fixing: Mapping[str, Any] | None = MappingProxyType({}),
+    muscle: Any, bones: Any, motion: RigidMotion, attachments: Any = None, *, deformer: str = "paths",
+    fibres: Any = None, superficial: Any = None, fixing: Mapping[str, Any] | None = MappingProxyType({}),
     **solver: Any,
-) -> PathDeformer | PBDDeformer:
+) -> PathDeformer | PBDDeformer:  # fmt: skip
     """Return the chain that deforms a muscle with moving bones.
 
     Request the output at a time of the motion: ``deform(...).update(time=30.0).output``.

@@ -30,14 +30,9 @@ from vtkmuscle.plotting.studio import Studio, actors_of, colours_of, fixed_bones
 
 
 def plot_rest_pose(
-    muscles: Mapping[str, vtkPolyData],
-    bones: views.DrawnBones,
-    studio: Studio,
-    *,
-    title: str = "",
-    units: str = "mm",
-    width: float = sheets.WIDTH,
-) -> Figure:
+    muscles: Mapping[str, vtkPolyData], bones: views.DrawnBones, studio: Studio, *, title: str = "",
+    units: str = "mm", width: float = sheets.WIDTH,
+) -> Figure:  # fmt: skip
     """Return a picture of muscles with fixed points at rest. The width on paper is in mm."""
     hiding = bones.spread()
     shown = {label_of(name): [muscle] for name, muscle in muscles.items()}
@@ -66,15 +61,9 @@ def plot_rest_pose(
 
 
 def plot_muscle(
-    frames: Sequence[views.MuscleFrame],
-    bones: views.DrawnBones,
-    studio: Studio,
-    *,
-    rest_fibres: vtkPolyData | None = None,
-    title: str = "",
-    units: str = "mm",
-    width: float = sheets.WIDTH,
-) -> Figure:
+    frames: Sequence[views.MuscleFrame], bones: views.DrawnBones, studio: Studio, *,
+    rest_fibres: vtkPolyData | None = None, title: str = "", units: str = "mm", width: float = sheets.WIDTH,
+) -> Figure:  # fmt: skip
     """Return a picture of a muscle in several frames, coloured by strain since ``rest_fibres``."""
     hiding = [bones.spread(frame.transforms) for frame in frames]
     view = views.clearest_view([frame.muscle for frame in frames], hiding)
@@ -134,13 +123,17 @@ def plot_lengths(
     axes.spines[["top", "right"]].set_visible(False)
     if ticks:
         axes.set_xticks(list(ticks), list(ticks.values()))
-    marker = "o" if len(values) == 1 else ""
     look: dict[str, Any] = {"color": views.MUSCLE_RED, "linewidth": 0.7}
-    axes.add_collection(_lines(np.asarray(times), values, colors=views.MUSCLE_RED, alpha=0.25))
-    if marker:
-        axes.plot(times, values, alpha=0.25, marker=marker, markersize=3, **look)
+    _draw_lines(axes, np.asarray(times), values, views.MUSCLE_RED, 0.25)
     axes.plot([], [], alpha=0.5, label=f"{values.shape[1]} {of}s", **look)
-    axes.plot(times, values.mean(axis=1), color="black", linewidth=1.5, marker=marker, label="mean")
+    axes.plot(
+        times,
+        values.mean(axis=1),
+        color="black",
+        linewidth=1.5,
+        marker="o" * (len(values) == 1),
+        label="mean",
+    )
     axes.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     return figure
 
@@ -156,10 +149,14 @@ def _with_fixed_points(
     return np.where(seen[..., None], image // 2 + points // 2, image)
 
 
-def _lines(x: Floats, values: Floats, **look: Any) -> LineCollection:
-    """Return thin lines (n, k) over x (n,), as a collection for speed."""
+def _draw_lines(axes: Axes, x: Floats, values: Floats, colours: Any, alpha: float) -> None:
+    """Draw thin lines (n, k) over x (n,), as a collection for speed; dots over a single x."""
+    if len(x) == 1:
+        axes.scatter(np.repeat(x, values.shape[1]), values, s=9.0, color=colours, alpha=alpha)
+        return
     points = np.stack([np.broadcast_to(x[:, None], values.shape), values], axis=2)
-    return LineCollection(list(points.swapaxes(0, 1)), linewidths=0.7, **look)
+    lines = list(points.swapaxes(0, 1))
+    axes.add_collection(LineCollection(lines, linewidths=0.7, colors=colours, alpha=alpha))
 
 
 #: Height of the curves of a coordinate, and of the picture of the muscle, at most [inches].
@@ -249,11 +246,11 @@ def positions_across(fibres: vtkPolyData) -> Floats:
 def _draw_arms(axes: Axes, joint_arms: JointArms, positions: Floats | None) -> None:
     # A sweep up and down repeats values: curves are drawn by ascending value. A grid has a curve per stretch.
     values, mean, arms = map(joint_arms.drawn, (joint_arms.values, joint_arms.mean, joint_arms.arms))
-    look: dict[str, Any] = {"array": positions, "cmap": views.PLACE_MAP}
     colour = views.MUSCLE_RED if positions is None else "#2a788e"
-    axes.add_collection(_lines(values, arms, alpha=0.6, **{"colors": colour} if positions is None else look))
+    by_place = colour if positions is None else colours_of(positions, views.PLACE_MAP) / 255.0
+    _draw_lines(axes, values, arms, by_place, 0.6)
     axes.plot([], [], color=colour, linewidth=0.9, label=f"{arms.shape[1]} paths")
-    axes.plot(values, mean, color="black", linewidth=1.5, label="mean")
+    axes.plot(values, mean, color="black", linewidth=1.5, marker="o" * (len(values) == 1), label="mean")
     if joint_arms.quartic is not None:
         quartic = joint_arms.drawn(joint_arms.quartic.mean(axis=1))
         axes.plot(values, quartic, color="black", linewidth=1.2, linestyle="--", label="mean of quartic fits")

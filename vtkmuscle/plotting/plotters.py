@@ -80,15 +80,10 @@ class MovingScene:
     """
 
     def __init__(
-        self,
-        bones: Mapping[str, vtkPolyData] | vtkMultiBlockDataSet,
-        muscles: Mapping[str, vtkPolyData],
-        fibres: Mapping[str, vtkPolyData],
-        *,
-        off_screen: bool | None = None,
-        size: Sequence[int] | None = None,
-        opacity: float = 0.9,
-    ) -> None:
+        self, bones: Mapping[str, vtkPolyData] | vtkMultiBlockDataSet, muscles: Mapping[str, vtkPolyData],
+        fibres: Mapping[str, vtkPolyData], *, off_screen: bool | None = None,
+        size: Sequence[int] | None = None, opacity: float = 0.9,
+    ) -> None:  # fmt: skip
         named = dict(blocks_of(bones)) if isinstance(bones, vtkMultiBlockDataSet) else bones
         seen = [*muscles.values()] or [*map(fibre_surface, fibres.values())] or [*named.values()]
         self.view = choose_view([merged(seen)], [multiblock_from(dict(named))])

@@ -39,14 +39,9 @@ _COLOURS = "Colours"
 
 
 def actors_of(
-    muscles: Sequence[vtkPolyData],
-    view: views.View,
-    *,
-    fibres: vtkPolyData | None = None,
-    colours: NDArray[np.uint8] | None = None,
-    fixed_points: bool = False,
-    finer: float = 1.0,
-) -> list[vtkActor]:
+    muscles: Sequence[vtkPolyData], view: views.View, *, fibres: vtkPolyData | None = None,
+    colours: NDArray[np.uint8] | None = None, fixed_points: bool = False, finer: float = 1.0,
+) -> list[vtkActor]:  # fmt: skip
     """Return muscles, fibres and fixed points, as in :func:`~vtkmuscle.plotting.make_plotter`."""
     actors = []
     if fibres is not None and fibres.GetNumberOfLines():
@@ -192,13 +187,9 @@ class Studio:
         self._window.Finalize()
 
     def picture(
-        self,
-        actors: Sequence[vtkActor],
-        view: views.View,
-        *,
-        bones: views.DrawnBones | None = None,
+        self, actors: Sequence[vtkActor], view: views.View, *, bones: views.DrawnBones | None = None,
         transforms: Mapping[str, Floats] | None = None,
-    ) -> NDArray[np.uint8]:
+    ) -> NDArray[np.uint8]:  # fmt: skip
         """Return a picture (height, width, 3) of actors and of bones, moved from rest, on white."""
         # Actors in front come first: hidden pixels need no light.
         shown = [*actors, *self._moved(bones, transforms or {})]

@@ -36,14 +36,9 @@ FIBRE_MEASURES: Mapping[str, str] = MEASURES["fibres"]
 
 
 def architecture_of(
-    fibres: vtkPolyData,
-    muscle: vtkPolyData,
-    attachments: vtkMultiBlockDataSet | None,
-    millimetres: float,
-    hill: Mapping[str, float] | None = None,
-    aponeuroses: vtkMultiBlockDataSet | None = None,
-    name: str = "",
-) -> dict[str, Any]:
+    fibres: vtkPolyData, muscle: vtkPolyData, attachments: vtkMultiBlockDataSet | None, millimetres: float,
+    hill: Mapping[str, float] | None = None, aponeuroses: vtkMultiBlockDataSet | None = None, name: str = "",
+) -> dict[str, Any]:  # fmt: skip
     """Return the architecture of a muscle at rest, JSON-able; see :data:`DEFINITIONS`.
 
     ``hill`` may have ``tendon_slack_length`` in the scene's unit and ``sarcomere_length`` in micrometres;

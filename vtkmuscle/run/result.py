@@ -341,6 +341,10 @@ class MuscleResult(Remedies):
         """Show the muscle with the bones, with the options of :meth:`Result.plot`."""
         return self._result.plot(muscles=self.name, **options)
 
+    def _repr_html_(self) -> str:
+        shown = {"frame": self._result.frames[-1], "show": False, "off_screen": True}
+        return f"<p>{escape(repr(self))}</p>{html_picture(lambda: self.plot(**shown))}"
+
     def __repr__(self) -> str:
         words, lengths = "", self._result.fibre_lengths.get(self.name)
         if lengths is not None:

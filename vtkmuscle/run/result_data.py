@@ -32,16 +32,10 @@ class ResultData(ByName):
     """The frames and tables of a run; see :class:`vtkmuscle.Result` for its parameters."""
 
     def __init__(
-        self,
-        bones: vtkMultiBlockDataSet,
-        motion: RigidMotion,
-        tracks: Mapping[str, MuscleTrack],
-        report: dict[str, Any],
-        *,
-        literature: Mapping[str, Sequence[LiteratureCurve]] | None = None,
-        crosses: Mapping[str, Sequence[str]] | None = None,
-        drawn_bones: DrawnBones | None = None,
-    ) -> None:
+        self, bones: vtkMultiBlockDataSet, motion: RigidMotion, tracks: Mapping[str, MuscleTrack],
+        report: dict[str, Any], *, literature: Mapping[str, Sequence[LiteratureCurve]] | None = None,
+        crosses: Mapping[str, Sequence[str]] | None = None, drawn_bones: DrawnBones | None = None,
+    ) -> None:  # fmt: skip
         self.name: str = report["scene"]
         self.motion = motion
         self.time_label = time_label(motion)

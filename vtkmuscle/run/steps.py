@@ -163,6 +163,7 @@ def run_only(
         with outputs:
             for name, frames_of in surfaces.items():
                 series = Series(outputs.folder, name)
+                outputs.whole.add(series.path.with_suffix(""))
                 for number, at, surface in zip(numbers, result.times, frames_of, strict=True):
                     series.add(number, at, surface)
     return surfaces

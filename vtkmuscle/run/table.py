@@ -17,7 +17,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import root_mean_square
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.words import MOST_LISTED, suggestion
+from vtkmuscle.core.words import MOST_LISTED, Remedies, suggestion
 from vtkmuscle.data import toml_table
 from vtkmuscle.io.csv_table import write_rows
 from vtkmuscle.io.writing import plain_cell
@@ -138,7 +138,7 @@ class Table(Mapping[str, NDArray[Any]]):
         return sum(part[0].size for part in self._parts if part)
 
 
-class MomentArmTable(dict[str, dict[str, JointArms]]):
+class MomentArmTable(Remedies, dict[str, dict[str, JointArms]]):
     """Moment arms of muscles by coordinates, as in ``table["iliacus"]["hip_flexion_r"].mean``.
 
     Attributes

@@ -130,6 +130,7 @@ def _series(
     values["folded"] /= n_edges
     values["unsettled"] *= column("unsettled").sum() / max(len(rows), 1)
     missing = {"penetration": "no bone has an inside", "widespread penetration": "no bone has an inside"}
+    missing |= dict.fromkeys(("jumps", "widespread jumps"), "no step has three even steps beside it")
     if not track.lengths:
         of_paths = "squeezed", "coarse", "hooked paths", "unsettled"
         missing |= dict.fromkeys(of_paths, "there are no paths; a table [paths] adds them")
@@ -142,7 +143,7 @@ def _series(
         values["short fibres"], values["long fibres"] = np.percentile(ratios, (5, 95), axis=1)
         times = np.array([row["time"] for row in rows], dtype=np.float64)
         of_motion = () if motion is None else (even_stretches(motion), largest_turns(motion))
-        jumps = np.pad(length_jumps(lengths, times, *of_motion), ((1, 0), (0, 0)))
+        jumps = np.pad(length_jumps(lengths, times, *of_motion), ((1, 0), (0, 0)), constant_values=np.nan)
         values["jumps"], values["widespread jumps"] = np.percentile(jumps, (100, 95), axis=1)
         for name, check in CHECKS.items():  # the same in all frames: the first is named
             if check.at_rest and at_rest:
@@ -219,8 +220,9 @@ def further_reasons(muscle: Judged, odd: Sequence[SceneError]) -> Iterator[Reaso
 
 def _concerns(key: str, muscle: Judged) -> bool:
     """Return whether a key is of a muscle or its joints."""
-    if key.startswith(("muscles.", "units")):  # the scale of a scene is no property of a muscle
-        return key.startswith(f"muscles.{muscle.name}.")
+    own = key.removeprefix("guessed.")
+    if own.startswith("muscles.") or key.startswith("units"):  # the scale is no property of a muscle
+        return own.startswith(f"muscles.{muscle.name}.")
     crossed = muscle.scene.muscles[muscle.name].crosses
     moved = muscle.scene.joints.get(key.removeprefix("guessed.joints.").partition(".")[0])
     return not moved or crossed is None or not {*crossed}.isdisjoint(moved)

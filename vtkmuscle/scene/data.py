@@ -193,13 +193,9 @@ class SceneError(InputError):
     """
 
     def __init__(
-        self,
-        problem: str,
-        key: str = "",
-        remedy: str = "",
-        file: Path | None = None,
+        self, problem: str, key: str = "", remedy: str = "", file: Path | None = None,
         more: Iterable[SceneError] = (),
-    ) -> None:
+    ) -> None:  # fmt: skip
         where = ": ".join(part for part in (str(file) if file else "scene", key) if part)
         super().__init__(where, problem, remedy)
         self.key, self.file, self.faults = key, file, (self, *more)

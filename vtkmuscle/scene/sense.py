@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import combinations, permutations, product
 from typing import Any
 
@@ -72,10 +72,10 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
 
 
 def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
-    clouds = [bone.points for bone in anatomy.bones.values()]
-    clouds += [muscle.points for muscle in anatomy.muscles.values()]
-    longest = max(float(np.ptp(points, axis=0).max()) for points in clouds)
-    offset = max(float(np.abs(points).max()) for points in clouds)
+    clouds = {f"bones.{name}.surface": bone.points for name, bone in anatomy.bones.items()}
+    clouds |= {f"muscles.{name}.surface": muscle.points for name, muscle in anatomy.muscles.items()}
+    longest = max(float(np.ptp(points, axis=0).max()) for points in clouds.values())
+    offset = max(float(np.abs(points).max()) for points in clouds.values())
     if offset > CHECKS["far_from_origin"]["sizes"] * longest > 0.0:
         yield _finding("far_from_origin", "", certain=True, offset=offset, units=units)
     volumes = {name: abs(signed_volume(*surface)) for name, surface in anatomy.muscles.items()}
@@ -87,12 +87,21 @@ def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
         and volumes[largest] * MILLIMETRES[unit] ** 3 <= limits["volume"]
     ]
     if units in fitting:
+        yield from other_units(clouds)
         return
     size, volume = longest * MILLIMETRES[units], volumes[largest] * MILLIMETRES[units] ** 3
     litres = limits["says_volume"].format(muscle=largest, litres=volume / 1e6)
     problem = limits["says"].format(longest=size, volume=litres if volume > limits["volume"] else "")
     remedy = limits["do_unit"].format(unit=fitting[0]) if fitting else limits["do"]
     yield Finding("units", problem, remedy, size > limits["certain"])
+
+
+def other_units(clouds: Mapping[str, Floats]) -> Iterator[Finding]:
+    """Yield surfaces too small beside the largest one."""
+    sizes = {key: float(np.ptp(points, axis=0).max()) for key, points in clouds.items()}
+    for key, size in sizes.items():
+        if size * CHECKS["other_unit"]["ratio"] < (longest := max(sizes.values())):
+            yield _finding("other_unit", key, certain=True, size=size, longest=longest)
 
 
 def _ring(key: str, area: AttachmentArea, muscle: RestSurface, units: str) -> Iterator[Finding]:

@@ -229,19 +229,9 @@ class Muscle:
     """
 
     def __init__(
-        self,
-        points,
-        triangles,
-        fixed_to,
-        fibres=(),
-        bones=None,
-        *,
-        shape=0.9,
-        damping=0.99,
-        dt=1.0,
-        force=None,
-        order=None,
-    ):
+        self, points, triangles, fixed_to, fibres=(), bones=None, *, shape=0.9, damping=0.99, dt=1.0,
+        force=None, order=None,
+    ):  # fmt: skip
         self.x = [tuple(map(float, point)) for point in points]
         self.v = [(0.0, 0.0, 0.0) for _ in points]
         self.fixed_to = [int(bone) for bone in fixed_to]

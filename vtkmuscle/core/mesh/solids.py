@@ -133,6 +133,10 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
     rim = _excess(triangles)
     if len(rim):
         points, triangles = welded(points, triangles)
+        first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)[1]
+        if len(first) < len(triangles):
+            remarks.append(f"{len(triangles) - len(first)} triangles were double and were left out")
+            triangles = triangles[np.sort(first)]
         rim = _excess(triangles)
     if len(rim):
         triangles, n_turned = _consistent(triangles)
@@ -142,9 +146,8 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
         rim = _excess(triangles)
         if len(rim):
             # Triangles lead from each hole's rim to the rim's centre.
-            used, ends = np.unique(rim, return_inverse=True)
-            hole_of_point = point_components(len(used), ends.reshape(-1, 2))
-            hole, n_holes = hole_of_point[ends.reshape(-1, 2)[:, 0]], int(hole_of_point.max()) + 1
+            hole = _loops(rim)
+            n_holes = int(hole.max()) + 1
             caps = np.column_stack([rim[:, 1], rim[:, 0], len(points) + hole])
             points = np.vstack([points, part_means(points[rim].mean(axis=1), hole, n_holes)])
             triangles = np.vstack([triangles, caps])
@@ -185,6 +188,30 @@ def _excess(triangles: Ints) -> Ints:
     alone = np.flatnonzero(balance)
     ends = np.where(balance[alone, None] > 0, edges[alone], edges[alone, ::-1])
     return np.repeat(ends, np.abs(balance[alone]), axis=0)
+
+
+def _loops(rim: Ints) -> Ints:
+    """Return the loop (k,) of each directed edge of rims.
+
+    A loop passes a point once: holes that touch in a point have triangles to centres of their own.
+    """
+    leaving: dict[int, list[int]] = {}
+    for edge in np.argsort(rim[:, 0], kind="stable").tolist():
+        leaving.setdefault(int(rim[edge, 0]), []).append(edge)
+    loop, count = np.empty(len(rim), dtype=np.int64), 0
+    for point in list(leaving):
+        way, passed = list[int](), {point: 0}
+        while leaving[point]:
+            way.append(leaving[point].pop())
+            point = int(rim[way[-1], 1])  # noqa: PLW2901
+            if point in passed:
+                closed = way[passed[point] :]
+                del way[passed[point] :]
+                for edge in closed[:-1]:
+                    del passed[int(rim[edge, 1])]
+                loop[closed], count = count, count + 1
+            passed[point] = len(way)
+    return loop
 
 
 def welded(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:

@@ -190,8 +190,8 @@ def length_jumps(
     The jump is the deviation from a line through the velocities of up to three steps on either side, fitted
     by medians (Theil 1950; Sen 1968, doi:10.1080/01621459.1968.10480934), which ignores a neighbouring jump.
     Allowed are a quarter of the steps' size, for a muscle that lifts off, and (3 a)^2 / 2 of the largest
-    neighbouring step for bones that turn by a radians in a step, as the cosine of a moment arm bends. Without
-    enough steps the result is 0.
+    neighbouring step for bones that turn by a radians in a step, as the cosine of a moment arm bends. NaN
+    where a step has fewer than three steps beside it.
 
     lengths : (f, k), per frame [mm];
     times : (f,), ascending;
@@ -200,7 +200,7 @@ def length_jumps(
     turns : (f - 1,), turns of the bones in each step [rad], see :func:`largest_turns`. Default: 0.
     """
     count = max(len(lengths) - 1, 0)
-    jumps = np.zeros((count, lengths.shape[1]))
+    jumps = np.full((count, lengths.shape[1]), np.nan)
     durations, middles = np.diff(times), (times[1:] + times[:-1]) / 2.0
     velocities = np.diff(lengths, axis=0) / durations[:, None]
     stretch = np.zeros(count, dtype=np.int64) if stretches is None else stretches

@@ -124,7 +124,7 @@ def _check_format(path: Path, values: Mapping[str, Any]) -> None:
     """Raise an InputError for the note or report of another version."""
     if values.get("format") != FORMAT:
         problem = f"the file is of another version of vtkmuscle (format {values.get('format')}, not {FORMAT})"
-        raise InputError(path, problem, RUN_AGAIN)
+        raise InputError(path, problem, "run the scene again: all muscles are computed anew")
 
 
 #: The report of a run, and its page.
