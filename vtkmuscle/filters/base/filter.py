@@ -199,4 +199,5 @@ class Filter(Runnable, Algorithm):
             for port in range(self.GetNumberOfInputPorts())
             for index in range(self.GetNumberOfInputConnections(port))
         ]
-        self._arguments.clear()
+        kept = self._arguments.items()
+        self._arguments = {port: of for port, of in kept if of[0] is self.GetInputDataObject(port, 0)}
