@@ -63,7 +63,7 @@ def joined_triangles(surface: vtkPolyData) -> tuple[vtkPolyData, list[str]]:
     if not count:
         return surface, changes
     if surface.GetNumberOfStrips() or surface.GetPolys().IsHomogeneous() != 3:
-        surface = vtkTriangleFilter(input_data=surface, pass_verts=False, pass_lines=False).update().output
+        surface = output_of(vtkTriangleFilter(), InputData=surface, PassVerts=False, PassLines=False)
         changes.append(f"{count} polygons were split into {surface.GetNumberOfPolys()} triangles")
     points, triangles = points_of(surface), triangles_of(surface, "")
     n_open = int((edge_uses(triangles) == 1).sum())
@@ -101,6 +101,14 @@ def state_of(data: vtkDataObject) -> object:
         return data.GetMTime()
     blocks = [data.GetBlock(i) for i in range(data.GetNumberOfBlocks())]
     return data.GetMTime(), [None if block is None else state_of(block) for block in blocks]
+
+
+def output_of(algorithm: Any, **settings: Any) -> Any:
+    """Return the output of a VTK algorithm with settings; ParaView's VTK 9.2 has no keywords."""
+    for name, value in settings.items():
+        getattr(algorithm, f"Set{name}")(value)
+    algorithm.Update()
+    return algorithm.GetOutput()
 
 
 def shallow_copy(data: Data) -> Data:
