@@ -100,6 +100,7 @@ REFUSED = [
         {"bones": lambda: multiblock_from(dict(blocks_of(examples.rest_bones())[:1]))},
         "is near fewer than two bones; .* 'proximal' .*; .* or give landmarks",
     ),
+    ("BoneMotion", {"bones": examples.moving_bones}, "bones, block 'distal': the bone has moved"),
     (
         "BoneMotion",
         {"motion": hinge("fibula", (0, 0, 0), (1, 0, 0), [0.0, 1.0])},
