@@ -19,6 +19,7 @@ from vtkmuscle.data.arrays import (
     points_of,
     polylines_from,
     polylines_of,
+    string_array,
     surface_from,
     triangles_of,
     with_points,
@@ -110,17 +111,23 @@ def test_a_copy_of_lines_puts_point_arrays_in_the_order_of_the_lines():
         cells={"FibreId": np.array([10, 11])},
         fields={"Transform": np.arange(16.0)},
     )
+    data.GetPointData().AddArray(string_array("letter", "abcde"))
+    data.GetPointData().SetActiveScalars("id")
     lines = polylines_of(data, "here")
     result = lines.moved(lines.points)
+    assert result.GetPointData().GetScalars().GetName() == "id"
+    letters = result.GetPointData().GetAbstractArray("letter")
+    assert "".join(map(letters.GetValue, range(6))) == "cbabde"
     np.testing.assert_array_equal(point_array(result, "id", "here"), [2, 1, 0, 1, 3, 4])
     np.testing.assert_array_equal(cell_array(result, "FibreId", "here"), [10, 11])
     np.testing.assert_array_equal(field_array(result, "Transform"), np.arange(16.0))
 
 
-def test_lines_of_other_lengths_drops_point_arrays_only():
+@pytest.mark.parametrize("offsets", [(0, 2, 5), (0, 3, 6)])
+def test_lines_of_other_points_drop_point_arrays_only(offsets):
     data = lines_with_shared_points()
     add_arrays(data, points={"id": np.arange(5)}, cells={"FibreId": np.array([10, 11])})
-    result = polylines_of(data, "here").moved(np.zeros((5, 3)), np.array([0, 2, 5]))
+    result = polylines_of(data, "here").moved(np.zeros((offsets[-1], 3)), np.array(offsets))
     assert not result.GetPointData().HasArray("id")
     np.testing.assert_array_equal(cell_array(result, "FibreId", "here"), [10, 11])
 

@@ -1,10 +1,12 @@
+from functools import partial
+
 import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
-from vtkmuscle.data.muscle_geometry import surface_of
+from vtkmuscle.data.muscle_geometry import RESULTS, surface_of
 
 
 @pytest.fixture
@@ -23,6 +25,15 @@ def test_a_change_through_a_view_makes_another_surface_and_leaves_the_old_facts(
     assert other is not known
     assert known.solids.depth([[0.0, 0, 0]])[0] == pytest.approx(10, abs=0.3)
     assert other.solids.depth([[0.0, 0, 0]])[0] == pytest.approx(20, abs=0.6)
+
+
+def test_results_used_last_are_kept(ball):
+    known, made = surface_of(ball, "test").geometry, []
+    for last in range(1, RESULTS + 10):
+        for number in (0, last):
+            known.once("test", (number,), partial(made.append, number))
+    known.once("test", (1,), partial(made.append, 1))
+    assert made == [*range(RESULTS + 10), 1]
 
 
 def test_facts_are_right(ball):

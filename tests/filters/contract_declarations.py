@@ -3,6 +3,7 @@
 DESIGN's contract, points 1, 7 and 10; see :mod:`contract`.
 """
 
+import copy
 import inspect
 import math
 import pickle
@@ -77,15 +78,17 @@ def check_rebuilt_from_its_parameters(case):
     for name, declaration in case.declarations.items():
         if declaration.kind not in OBJECTS:
             setattr(algorithm, name, other_value(declaration, getattr(algorithm, name)))
-    for copy in (case.kind(**algorithm.parameters()), pickle.loads(pickle.dumps(algorithm))):
-        assert type(copy) is case.kind
+    for twin in (case.kind(**algorithm.parameters()), pickle.loads(pickle.dumps(algorithm))):
+        assert type(twin) is case.kind
         for name, declaration in case.declarations.items():
             if declaration.kind not in OBJECTS:
-                assert getattr(copy, name) == getattr(algorithm, name), f"{name} is lost"
-    copy = pickle.loads(pickle.dumps(case.filter()))
+                assert getattr(twin, name) == getattr(algorithm, name), f"{name} is lost"
+    again = pickle.loads(pickle.dumps(case.filter()))
     for port, data in enumerate(case.inputs()):
-        copy.connect(port, data)
-    assert digests(copy) == case.reference(), "the unpickled filter gives another result"
+        again.connect(port, data)
+    assert digests(again) == case.reference(), "the unpickled filter gives another result"
+    for copied in (copy.copy, copy.deepcopy):
+        assert digests(copied(again)) == case.reference(), "a copy gives another result"
 
 
 # -------------------------------------------------------------------- 10 documentation

@@ -10,7 +10,8 @@ from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from vtkmuscle.core.motion.rigid import apply_transform, hinge
 from vtkmuscle.data.arrays import add_arrays, blocks_of, field_array, multiblock_from, point_array, points_of
-from vtkmuscle.filters.bone_motion import BoneMotion, bones_of
+from vtkmuscle.data.moving_bones import bones_of
+from vtkmuscle.filters.bone_motion import BoneMotion
 
 KNEE = hinge("tibia", (0.0, 0.0, 5.0), (1.0, 2.0, 0.0), [0.0, 30.0, 60.0])
 

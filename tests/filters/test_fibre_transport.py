@@ -44,6 +44,22 @@ def test_weights_are_computed_once_while_the_rest_state_stays(weights, fibres, m
     assert len(weights) == 1
 
 
+def test_filters_keep_weights_up_to_a_common_size(weights, fibres, muscle, monkeypatch):
+    embedding._kept.clear()
+    size = 8 * fibres.GetNumberOfPoints() * muscle.GetNumberOfPoints()
+    monkeypatch.setattr(embedding, "_LARGEST_CACHE", size)
+    one, other = FibreTransport(), FibreTransport()
+    computed = []
+    for transport in (one, other, one, other):
+        transport(fibres, muscle, muscle)
+        computed.append(len(weights))
+    assert computed == [1, 2, 2, 3]
+    del one, transport
+    for _ in range(2):
+        other(fibres, muscle, muscle)
+    assert len(weights) == 4
+
+
 @pytest.mark.parametrize("which", ["fibres", "muscle"])
 def test_a_change_of_the_rest_state_is_noticed_even_behind_vtks_back(weights, fibres, muscle, which):
     transport = FibreTransport()

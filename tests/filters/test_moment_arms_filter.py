@@ -105,6 +105,7 @@ def test_of_two_coordinates_each_has_its_arrays_where_it_is_determined():
             ANGLES,
             "no coordinate 'hip'",
         ),
+        ({"coordinate": "knee"}, ANGLES, "no coordinate 'knee'; it has: 'time'"),
         ({"motion": RigidMotion(ANGLES, {})}, ANGLES, "no coordinate of the motion changes .none"),
     ],
 )

@@ -33,6 +33,11 @@ def opened():
     return add_arrays(surface, points={"FixedTo": point_array(muscle, "FixedTo", "")})
 
 
+def in_another_order():
+    muscle = examples.fixed_muscle()
+    return surface_from(points_of(muscle), np.roll(triangles_of(muscle, ""), 1, axis=0))
+
+
 def fixed_to(*values):
     marks = np.resize(np.array(values), (N, *np.shape(values)[1:]))
     return lambda: add_arrays(examples.muscle(), points={"FixedTo": marks})
@@ -95,6 +100,7 @@ REFUSED = [
         {"bones": lambda: multiblock_from(dict(blocks_of(examples.rest_bones())[:1]))},
         "is near fewer than two bones; .* 'proximal' .*; .* or give landmarks",
     ),
+    ("BoneMotion", {"bones": examples.moving_bones}, "bones, block 'distal': the bone has moved"),
     (
         "BoneMotion",
         {"motion": hinge("fibula", (0, 0, 0), (1, 0, 0), [0.0, 1.0])},
@@ -122,6 +128,10 @@ REFUSED = [
         "FibreTransport",
         {"deformed_muscle": examples.ball_beside},
         rf"deformed_muscle has \d+ points, but rest_muscle has {N}",
+    ),
+    *(
+        (kind, {"deformed_muscle": in_another_order}, "deformed_muscle has other triangles or another order")
+        for kind in ("FibreTransport", "StiffTendons")
     ),
     ("FibreTrimmer", {"attachments": SAME}, "no direction"),
     (

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import phantoms
 import pytest
-from filter_case import digest
+from filter_case import count_calls, digest
 from slow import slow
 
 from vtkmuscle import Scene
@@ -23,7 +23,7 @@ from vtkmuscle.data.arrays import (
     polylines_of,
     shallow_copy,
 )
-from vtkmuscle.filters import BoneMotion, FixedPointDetector, PathDeformer, TautPaths
+from vtkmuscle.filters import BoneMotion, FixedPointDetector, PathDeformer, TautPaths, taut_paths
 from vtkmuscle.pipelines import decompose
 from vtkmuscle.run import muscle_pipeline
 
@@ -150,6 +150,17 @@ def test_paths_have_lengths_rest_and_the_arrays_of_their_fibres():
     np.testing.assert_allclose(cell_array(out, "Ratio", ""), ratio, rtol=1e-9)
     np.testing.assert_array_equal(cell_array(out, "Own", ""), own)
     assert {"Contact", "Squeezed", "Sag"} <= set(names_of("", out.GetCellData()))
+
+
+def test_bones_connected_for_each_pose_leave_the_paths_at_rest(monkeypatch):
+    solved = []
+    count_calls(monkeypatch, solved, taut_paths, "MusclePaths", "rest")
+    paths, moving = paths_of(*CASES[3], resolution=12), paths_of(*CASES[3]).bones
+    for time in (0.0, 15.0, 30.0):
+        paths.bones = moving(time=time)
+        paths.update()
+    paths(*(getattr(paths, port.name) for port in paths.input_ports))
+    assert solved == ["rest"]
 
 
 def test_few_solved_paths_carry_all_fibres_and_all_are_as_without_the_setting():

@@ -78,6 +78,13 @@ def test_proxies_have_the_declared_properties_abort_and_say_what_is_wrong(enviro
     assert "FibreTubes: radius is -3.0, but must be a finite number > 0" in done.stderr
 
 
+def test_a_surface_of_quads_is_read(environment, tmp_path):
+    file = tmp_path / "quad.obj"
+    file.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n", encoding="utf-8")
+    code = f"from vtkmuscle.io import read_surface; print(read_surface({str(file)!r}).GetNumberOfPolys())"
+    assert run(environment, "pvpython", "-c", code).stdout.split()[-1] == "2"
+
+
 def pixels_of(picture):
     from matplotlib.image import imread
 

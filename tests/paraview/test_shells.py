@@ -1,12 +1,16 @@
 """The setters that ParaView calls, without ParaView."""
 
+import ast
 import gc
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+import vtkmuscle
 from vtkmuscle import Scene
 from vtkmuscle.data.arrays import blocks_of, points_of
 from vtkmuscle.filters import BoneMotion, FibreTemplateSource, FixedPointDetector, PathDeformer
@@ -34,6 +38,14 @@ def messages():
     vtkOutputWindow.SetInstance(window)
     yield window.GetOutput
     vtkOutputWindow.SetInstance(before)
+
+
+@pytest.mark.parametrize("room", ["data", "filters", "io", "paraview", "scene"])
+def test_objects_of_vtk_are_made_without_keywords_for_the_vtk_of_paraview(room):
+    for path in (Path(vtkmuscle.__file__).parent / room).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and re.match("vtk[A-Z]", ast.unparse(node.func)):
+                assert not node.keywords, f"{path}, line {node.lineno}"
 
 
 @pytest.mark.parametrize("kind", all_kinds(), ids=lambda kind: kind.__name__)

@@ -10,7 +10,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import get_numpy_array_type, get_vtk_array_type, vtk_to_numpy
-from vtkmodules.vtkCommonCore import VTK_ID_TYPE, vtkDataArray, vtkPoints, vtkStringArray
+from vtkmodules.vtkCommonCore import VTK_ID_TYPE, vtkDataArray, vtkIdList, vtkPoints, vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 
@@ -63,7 +63,7 @@ def joined_triangles(surface: vtkPolyData) -> tuple[vtkPolyData, list[str]]:
     if not count:
         return surface, changes
     if surface.GetNumberOfStrips() or surface.GetPolys().IsHomogeneous() != 3:
-        surface = vtkTriangleFilter(input_data=surface, pass_verts=False, pass_lines=False).update().output
+        surface = output_of(vtkTriangleFilter(), InputData=surface, PassVerts=False, PassLines=False)
         changes.append(f"{count} polygons were split into {surface.GetNumberOfPolys()} triangles")
     points, triangles = points_of(surface), triangles_of(surface, "")
     n_open = int((edge_uses(triangles) == 1).sum())
@@ -103,6 +103,14 @@ def state_of(data: vtkDataObject) -> object:
     return data.GetMTime(), [None if block is None else state_of(block) for block in blocks]
 
 
+def output_of(algorithm: Any, **settings: Any) -> Any:
+    """Return the output of a VTK algorithm with settings; ParaView's VTK 9.2 has no keywords."""
+    for name, value in settings.items():
+        getattr(algorithm, f"Set{name}")(value)
+    algorithm.Update()
+    return algorithm.GetOutput()
+
+
 def shallow_copy(data: Data) -> Data:
     """Return a data object with shared arrays."""
     copy: Data = data.NewInstance()
@@ -131,7 +139,8 @@ def surface_from(points: Floats, triangles: Ints) -> vtkPolyData:
 class Polylines:
     """Polylines: line i is points[offsets[i] : offsets[i + 1]].
 
-    Offsets (k + 1,) are the first point of each line, and n; ``data`` is the source, with its arrays.
+    Offsets (k + 1,) are the first point of each line, and n; ``data`` is the source, with its arrays,
+    point arrays in the order of the points.
     """
 
     points: Floats
@@ -159,17 +168,16 @@ class Polylines:
         return self.points[self.offsets[i] : self.offsets[i + 1]]
 
     def moved(self, points: Floats, offsets: Ints | None = None) -> vtkPolyData:
-        """Return lines with new points and the source's arrays."""
+        """Return lines with new points and the source's arrays.
+
+        With offsets the points are others than the source's: point arrays stay behind.
+        """
         data: Any = self.data
-        offsets = self.offsets if offsets is None else offsets
-        result = polylines_from(Polylines(points, offsets))
+        result = polylines_from(Polylines(points, self.offsets if offsets is None else offsets))
         result.GetCellData().ShallowCopy(data.GetCellData())
         result.GetFieldData().ShallowCopy(data.GetFieldData())
-        if np.array_equal(self.offsets, offsets):
-            order = vtk_to_numpy(data.GetLines().GetConnectivityArray())
-            every = map(data.GetPointData().GetArray, range(data.GetPointData().GetNumberOfArrays()))
-            of_points = {each.GetName(): vtk_to_numpy(each)[order] for each in every if each is not None}
-            add_arrays(result, points=of_points)
+        if offsets is None:
+            result.GetPointData().ShallowCopy(data.GetPointData())
         return result
 
 
@@ -180,10 +188,20 @@ def polylines_of(data: vtkPolyData, where: str) -> Polylines:
         raise InputError(where, "there are no polylines")
     if n_other := data.GetNumberOfCells() - lines.GetNumberOfCells():
         raise InputError(where, f"{n_other} cell(s) are not polylines", "keep the lines only")
-    points = points_of(data).take(vtk_to_numpy(lines.GetConnectivityArray()), axis=0)
+    order = vtk_to_numpy(lines.GetConnectivityArray())
+    points = points_of(data).take(order, axis=0)
     if not np.isfinite(points).all():
         raise InputError(where, "some points are not finite", "correct the points")
-    return Polylines(points, np.array(vtk_to_numpy(lines.GetOffsetsArray()), dtype=np.int64), data)
+    offsets = np.array(vtk_to_numpy(lines.GetOffsetsArray()), dtype=np.int64)
+    if not np.array_equal(order, np.arange(data.GetNumberOfPoints())):
+        source, ids = data.GetPointData(), vtkIdList()
+        data = Polylines(points, offsets, data).moved(points, offsets)
+        data.GetPointData().CopyAllOn()
+        data.GetPointData().CopyAllocate(source, len(points))
+        for number, first in enumerate(offsets[:-1].tolist()):
+            lines.GetCellAtId(number, ids)
+            data.GetPointData().CopyData(source, ids, first)
+    return Polylines(points, offsets, data)
 
 
 def polylines_from(lines: Polylines) -> vtkPolyData:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 from scipy.sparse import coo_array
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -20,7 +20,14 @@ from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.mesh.surface import edge_uses, point_components, survey, unique_edges
 from vtkmuscle.core.motion.rigid import apply_transform, frame_at
 from vtkmuscle.core.types import Bools, Floats, Ints
-from vtkmuscle.data.arrays import add_arrays, checked_surface, field_array, field_strings, surface_from
+from vtkmuscle.data.arrays import (
+    add_arrays,
+    checked_surface,
+    field_array,
+    field_strings,
+    output_of,
+    surface_from,
+)
 
 #: Margin around a label [voxels], enough for the Gaussian and a Newton step.
 MARGIN = 4
@@ -126,7 +133,7 @@ MOST = np.iinfo(np.uint16).max
 def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, str]) -> vtkImageData:
     """Return an image of named labels (nk, nj, ni), with the frame of :class:`Label`."""
     spacing = np.linalg.norm(frame[:3, :3], axis=0)
-    image = vtkImageData(dimensions=voxels.shape[::-1], spacing=tuple(spacing), origin=tuple(frame[:3, 3]))
+    image = _grid(voxels.shape[::-1], frame[:3, 3], spacing)
     image.SetDirectionMatrix(*(frame[:3, :3] / spacing).ravel())
     add_arrays(image, points={"Label": voxels.ravel()})
     image.GetPointData().SetActiveScalars("Label")
@@ -194,23 +201,24 @@ LEAST = 100
 LONGEST = 3000.0
 
 
+def _grid(shape: Sequence[int], origin: ArrayLike, spacing: ArrayLike) -> vtkImageData:
+    image = vtkImageData()
+    image.SetDimensions(*shape)
+    image.SetOrigin(*np.asarray(origin))
+    image.SetSpacing(*np.asarray(spacing))
+    return image
+
+
 def isosurface(values: Floats, origin: Floats, spacing: float) -> tuple[Floats, Ints]:
     """Return the outward zero surface of grid values."""
-    # Without keywords, here and below: ParaView's VTK is older.
-    image = vtkImageData()
-    image.SetDimensions(*values.shape)
-    image.SetOrigin(*origin)
-    image.SetSpacing(spacing, spacing, spacing)
+    image = _grid(values.shape, origin, (spacing, spacing, spacing))
     # VTK's isosurface faces falling values: the changed sign makes the surface face outward.
     add_arrays(image, points={"inside": -values.ravel(order="F")})
     image.GetPointData().SetActiveScalars("inside")
     contour = vtkFlyingEdges3D()
-    contour.SetInputData(image)
     contour.SetValue(0, 0.0)
-    contour.ComputeNormalsOff()
-    contour.ComputeScalarsOff()
-    contour.Update()
-    return checked_surface(contour.GetOutput(), "isosurface")
+    surface = output_of(contour, InputData=image, ComputeNormals=False, ComputeScalars=False)
+    return checked_surface(surface, "isosurface")
 
 
 def evened(
@@ -242,12 +250,9 @@ def decimated(
     points: Floats, triangles: Ints, n_triangles: int, *, regular: bool = False
 ) -> tuple[Floats, Ints]:
     """Return a surface of about `n_triangles` (Garland, Heckbert 1997, doi:10.1145/258734.258849)."""
-    decimation = vtkQuadricDecimation()
-    decimation.SetRegularize(regular)
-    decimation.SetInputData(surface_from(points, triangles))
-    decimation.SetTargetReduction(1.0 - n_triangles / len(triangles))
-    decimation.Update()
-    return checked_surface(decimation.GetOutput(), "the decimated surface")
+    settings = {"Regularize": regular, "TargetReduction": 1.0 - n_triangles / len(triangles)}
+    decimated = output_of(vtkQuadricDecimation(), InputData=surface_from(points, triangles), **settings)
+    return checked_surface(decimated, "the decimated surface")
 
 
 def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:

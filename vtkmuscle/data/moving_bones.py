@@ -117,12 +117,8 @@ class RestBones:
     @cached_property
     def shapes(self) -> dict[int, Bone]:
         """The bones' shapes by index; ValueError for a bone without triangles."""
-        shapes = {}
-        for number, (name, bone) in enumerate(self.surfaces.items()):
-            block = f"{self.where}, block {name!r}"
-            shapes[number] = bone_of(*checked_surface(bone, block))
-            shapes[number].name = block
-        return shapes
+        named = [(f"{self.where}, block {name!r}", bone) for name, bone in self.surfaces.items()]
+        return {i: bone_of(*checked_surface(bone, name), name) for i, (name, bone) in enumerate(named)}
 
     def check_same(self, moving: MovingBones) -> None:
         """Raise ValueError if names or order of rest and moving bones differ."""

@@ -32,6 +32,8 @@ Shape = AttachmentArea | tuple[Floats, Ints]
 
 #: Number of cached surfaces: the muscles of a limb; 20 000 triangles take about 10 MB.
 REMEMBERED = 8
+#: Number of cached results of a surface: a muscle of two areas has ten.
+RESULTS = 64
 
 
 class MuscleGeometry:
@@ -39,7 +41,7 @@ class MuscleGeometry:
 
     def __init__(self, points: Floats, triangles: Ints) -> None:
         self.points, self.triangles = points, triangles
-        self._known: dict[Hashable, Any] = {}
+        self._known: dict[Hashable, tuple[Any]] = {}
         self._samples = np.empty((0, 3))
 
     @cached_property
@@ -80,11 +82,15 @@ class MuscleGeometry:
         return self.once("on", (patch,), lambda: PatchSamples(self.points, self.triangles, patch))
 
     def once(self, what: str, given: Sequence[Any], compute: Callable[[], T]) -> T:
-        """Return a result of the surface and of what is given, computed once. Arrays count by content."""
+        """Return a result of the surface and of what is given, computed once. Arrays count by content.
+
+        The results used last are kept.
+        """
         key = what, *(part.tobytes() if isinstance(part, np.ndarray) else part for part in given)
-        if key not in self._known:
-            self._known[key] = compute()
-        result: T = self._known[key]
+        self._known[key] = kept = self._known.pop(key, None) or (compute(),)
+        for oldest in list(self._known)[:-RESULTS]:
+            self._known.pop(oldest, None)
+        result: T = kept[0]
         return result
 
     def samples(self, count: int) -> Floats:

@@ -16,13 +16,13 @@ from vtkmuscle.core.moment_arms.levers import MotionTwists
 from vtkmuscle.core.motion.rigid import RigidMotion, transform_points
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import add_arrays, array_of, multiblock_from, points_of, shallow_copy, vtk_array
-from vtkmuscle.data.moving_bones import TWIST, bones_of
+from vtkmuscle.data.moving_bones import TWIST, rest_bones_of
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
 
 
 def _rest_pose(data: vtkMultiBlockDataSet, where: str) -> dict[str, tuple[vtkPolyData, Floats]]:
     """Return bones at rest with the identity as ``Transform``, and points."""
-    still, bones = {"Transform": np.eye(4).reshape(-1)}, bones_of(data, where).items()
+    still, bones = {"Transform": np.eye(4).reshape(-1)}, rest_bones_of(data, where).surfaces.items()
     return {name: (add_arrays(shallow_copy(bone), fields=still), points_of(bone)) for name, bone in bones}
 
 
@@ -71,7 +71,8 @@ class BoneMotion(Filter):
     Raises
     ------
     ValueError
-        If the motion names a bone that is not among the blocks.
+        If a bone has moved, by its field array ``Transform``; if the motion names a bone that is not among
+        the blocks.
 
     Limitations
     -----------

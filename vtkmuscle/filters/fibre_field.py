@@ -12,7 +12,7 @@ from vtkmodules.vtkFiltersCore import vtkCellCenters, vtkMaskPoints
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fibres.direction_field import AT_ONCE, CANDIDATES, NEIGHBOURS, DirectionField
 from vtkmuscle.core.types import Bools, Floats
-from vtkmuscle.data.arrays import Polylines, add_arrays, points_of, shallow_copy
+from vtkmuscle.data.arrays import Polylines, add_arrays, output_of, points_of, shallow_copy
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
@@ -108,14 +108,11 @@ class FibreField(Filter):
     def _positions(self, mesh: vtkDataSet) -> Floats:
         """Return cell centres or points (n, 3); grids store neither."""
         if self.at == "cells":
-            reader, count = vtkCellCenters(), mesh.GetNumberOfCells()
+            read, count = output_of(vtkCellCenters(), InputData=mesh), mesh.GetNumberOfCells()
         else:
-            reader, count = vtkMaskPoints(), mesh.GetNumberOfPoints()
-            reader.SetOnRatio(1)
-            reader.SetOutputPointsPrecision(vtkMaskPoints.DOUBLE_PRECISION)
-        reader.SetInputData(mesh)
-        reader.Update()
-        positions = points_of(reader.GetOutput())
+            every = {"OnRatio": 1, "OutputPointsPrecision": vtkMaskPoints.DOUBLE_PRECISION}
+            read, count = output_of(vtkMaskPoints(), InputData=mesh, **every), mesh.GetNumberOfPoints()
+        positions = points_of(read)
         if not count:
             raise InputError("mesh", f"the mesh has no {self.at}")
         if len(positions) != count or not np.isfinite(positions).all():

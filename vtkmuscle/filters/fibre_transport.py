@@ -46,7 +46,8 @@ class FibreTransport(Filter):
     Raises
     ------
     ValueError
-        If the rest muscle is not closed; if the muscles have different numbers of points.
+        If the rest muscle is not closed; if the muscles have different numbers of points, or
+        other triangles.
 
     References
     ----------
@@ -83,10 +84,8 @@ class FibreTransport(Filter):
     def execute(self, rest_fibres: Polylines, rest_muscle: Surface, deformed_muscle: Surface) -> vtkPolyData:
         """Return the fibres in the deformed muscle."""
         points, vertices, moved = rest_fibres.points, rest_muscle.points, deformed_muscle.points
-        if len(moved) != len(vertices):
-            problem = f"deformed_muscle has {len(moved)} points, but rest_muscle has {len(vertices)}"
-            raise InputError("", problem, "connect the same mesh, before and after the deformation")
         rest_muscle.closed("but mean value coordinates need a closed muscle")
+        _check_same(rest_muscle, deformed_muscle)
         inputs = points, vertices, rest_muscle.triangles, self.weight_tolerance
         embedded = self.once("embedded", inputs, EmbeddedPoints)
         result = rest_fibres.moved(embedded.moved(moved, self.report_progress))
@@ -170,6 +169,7 @@ class StiffTendons(Filter):
         if not np.array_equal(fibres.offsets, rest_fibres.offsets):
             problem = "numbers of points differ from rest_fibres"
             raise InputError("fibres", problem, "connect the same fibres, at rest and moved")
+        _check_same(rest_muscle, deformed_muscle)
         lines = rest_fibres.stacked("rest_fibres", "FibreSource makes such fibres")
 
         def tendons(lines: Floats, paths: Floats) -> Tendons:
@@ -181,6 +181,17 @@ class StiffTendons(Filter):
         self.once("embedded", inputs, EmbeddedPoints).keep_within(moved, deformed_muscle.points)
         self.report_progress(1.0)
         return fibres.moved(moved)
+
+
+def _check_same(rest: Surface, deformed: Surface) -> None:
+    """Raise an InputError for different numbers of points, or other triangles."""
+    problem = ""
+    if len(deformed.points) != len(rest.points):
+        problem = f"deformed_muscle has {len(deformed.points)} points, but rest_muscle has {len(rest.points)}"
+    elif not np.array_equal(deformed.triangles, rest.triangles):
+        problem = "deformed_muscle has other triangles or another order of points than rest_muscle"
+    if problem:
+        raise InputError("", problem, "connect the same mesh, before and after the deformation")
 
 
 def _on_bone(muscle: Surface, ends: Floats) -> Bools:

@@ -7,7 +7,7 @@ from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 from vtkmodules.vtkFiltersCore import vtkTubeFilter
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.data.arrays import Polylines
+from vtkmuscle.data.arrays import Polylines, output_of
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 
@@ -59,14 +59,9 @@ class FibreTubes(Filter):
     def execute(self, fibres: Polylines) -> vtkPolyData:
         """Return the tubes."""
         # Points are not shared: VTK blends the tubes of lines with common points.
-        tubes = vtkTubeFilter()
-        tubes.SetInputData(fibres.moved(fibres.points))
-        tubes.SetRadius(self.radius)
-        tubes.SetNumberOfSides(self.sides)
-        tubes.CappingOn()
-        tubes.SetOutputPointsPrecision(vtkAlgorithm.DOUBLE_PRECISION)
-        tubes.Update()
-        result: vtkPolyData = tubes.GetOutput()
+        data, double = fibres.moved(fibres.points), {"OutputPointsPrecision": vtkAlgorithm.DOUBLE_PRECISION}
+        sizes = {"Radius": self.radius, "NumberOfSides": self.sides, "Capping": True}
+        result: vtkPolyData = output_of(vtkTubeFilter(), InputData=data, **sizes, **double)
         if result.GetNumberOfPoints() == 0:
             raise InputError("fibres", "all lengths are 0, so there are no tubes")
         return result

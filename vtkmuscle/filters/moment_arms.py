@@ -39,7 +39,8 @@ class MomentArms(Filter):
     motion
         Motion with coordinates; None takes the pipeline's time as the coordinate.
     coordinate
-        Name of a coordinate of the motion; None takes all coordinates that change.
+        Name of a coordinate of the motion, ``"time"`` without a motion; None takes all coordinates that
+        change.
     unit
         Unit of the pipeline's time as a coordinate.
 
@@ -121,8 +122,8 @@ class MomentArms(Filter):
             arms = _slopes(motion, names, lengths, now)
         elif (paths := paths_of(result, "fibres")) is not None:
             arms = paths.levers
-        wanted = None if self.motion is None else self.coordinate
-        checked_coordinates(motion, [wanted] if wanted else ())
+        wanted = self.coordinate
+        checked_coordinates(motion, [] if wanted is None else [wanted])
         for name in names:
             if wanted not in (None, name) or name not in arms:
                 continue

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.surface import mesh_topology
@@ -165,7 +166,7 @@ class TautPaths(Filter):
         names = list(rest_bones.surfaces)
         rings = rings_by_bone(attachments, names, "attachments")
         fixed = fixed_muscle(rest_muscle, names, rest_fibres, rings=rings)
-        kept = self.once("paths", (fixed, rest_bones, self.resolution, self.n_paths), _paths_at_rest)
+        kept = self.once("paths", (fixed, rest_bones.shapes, self.resolution, self.n_paths), _paths_at_rest)
         if kept is None:
             return vtkPolyData()
         poses, end_bones, held = kept
@@ -205,7 +206,7 @@ def _bows(
 
 
 def _paths_at_rest(
-    muscle: FixedMuscle, bones: RestBones, resolution: int, n_paths: int
+    muscle: FixedMuscle, bones: Mapping[int, Bone], resolution: int, n_paths: int
 ) -> tuple[KeptPoses, Any, Any] | None:
     """Return the paths, the bones of all ends, and the free shares of bows at rest; None for no paths."""
     points, triangles, fixed_to, fibres, rings = muscle
@@ -216,5 +217,5 @@ def _paths_at_rest(
     paths = evenly_spread(*fibres, resolution + 1)
     with errors_at("rest_fibres"):
         ends = bones_at_ends(paths, points, fixed_to)
-        made = MusclePaths(paths, *ends, (points, triangles), bones.shapes, rings=rings, n_paths=n_paths)
+        made = MusclePaths(paths, *ends, (points, triangles), bones, rings=rings, n_paths=n_paths)
     return KeptPoses(made), ends, free_shares(made.rest)

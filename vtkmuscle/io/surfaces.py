@@ -16,7 +16,7 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle.core.errors import InputError, check_is_file
 from vtkmuscle.data import toml_table
-from vtkmuscle.data.arrays import joined_triangles, points_of, shallow_copy, with_points
+from vtkmuscle.data.arrays import joined_triangles, output_of, points_of, shallow_copy, with_points
 from vtkmuscle.io.in_child import read_in_child, vtk_messages
 from vtkmuscle.io.writing import insert_before, write_polydata, write_text
 from vtkmuscle.io.xml_elements import read_xml
@@ -64,7 +64,7 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
 
 def read_own_polydata(path: Path) -> vtkPolyData:
     """Read a complete .vtp of ``write_polydata`` unchecked: a tenth of the time of :func:`read_polydata`."""
-    data: vtkPolyData = vtkXMLPolyDataReader(file_name=str(path)).update().output
+    data: vtkPolyData = output_of(vtkXMLPolyDataReader(), FileName=str(path))
     return data
 
 

@@ -251,8 +251,13 @@ def write_polydata(path: Path, data: vtkPolyData) -> None:
         cells.DeepCopy(getattr(data, f"Get{kind}")())
         if cells.ConvertTo32BitStorage():
             getattr(narrow, f"Set{kind}")(cells)
-    form = {"data_mode": vtkXMLPolyDataWriter.Appended, "encode_appended_data": False, "header_type": 64}
-    write_with(vtkXMLPolyDataWriter(input_data=narrow, compressor=None, **form), path)
+    writer = vtkXMLPolyDataWriter()  # without keywords: ParaView's VTK is older
+    writer.SetInputData(narrow)
+    writer.SetCompressor(None)
+    writer.SetDataModeToAppended()
+    writer.EncodeAppendedDataOff()
+    writer.SetHeaderTypeToUInt64()
+    write_with(writer, path)
 
 
 def write_with(writer: Any, path: Path) -> None:

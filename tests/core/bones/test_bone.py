@@ -125,6 +125,9 @@ def test_muscles_share_a_bone():
     one = bone_of(points, triangles)
     assert bone_of(points.copy(), triangles.copy()) is one
     assert bone_of(points + 1.0, triangles) is not one
+    named = [bone_of(points, triangles, name) for name in ("pelvis", "hip", "pelvis")]
+    assert [bone.name for bone in named] == ["pelvis", "hip", "pelvis"]
+    assert named[0] is named[2]
     low, high = one.box_along_axes
     assert one.cell == pytest.approx(np.linalg.norm(high - low) / CELLS_PER_DIAGONAL)
 

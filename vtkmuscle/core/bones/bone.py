@@ -60,10 +60,12 @@ class Bone:
     :data:`CELLS_PER_DIAGONAL`.
     """
 
-    def __init__(self, points: Floats, triangles: Ints, *, cell: float | None = None) -> None:
+    def __init__(
+        self, points: Floats, triangles: Ints, name: object = "bone", *, cell: float | None = None
+    ) -> None:
         self.points, self.triangles = points, triangles
         #: Name of the bone in warnings and errors.
-        self.name = "bone"
+        self.name = str(name)
         #: Lowest and highest corner of the bone's box at rest [mm].
         self.box: tuple[Floats, Floats] = points.min(axis=0), points.max(axis=0)
         if cell is not None:
@@ -107,8 +109,8 @@ class Bone:
             used = used[np.lexsort(closed.points[used].T[::-1])]  # the axes do not depend on the file's order
             number_of = np.zeros(len(closed.points), dtype=np.int64)
             number_of[used] = np.arange(len(used))
-            pieces.append(Bone(closed.points[used], number_of[triangles], cell=self.cell))
-            pieces[-1].name, pieces[-1].solids = self.name, solids_from(closed, part)
+            pieces.append(Bone(closed.points[used], number_of[triangles], self.name, cell=self.cell))
+            pieces[-1].solids = solids_from(closed, part)
         return tuple(pieces)
 
     @cached_property
@@ -225,7 +227,7 @@ class Bone:
         return reach, Field(nodes, first, box, cell, 1.0 / cell, np.zeros(2, dtype=np.int64))
 
 
-#: The bone of a surface, one for all who hold it.
+#: The bone of a surface, and of a name, one for all who hold it.
 bone_of = shared(Bone)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from typing import NamedTuple
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +24,11 @@ from vtkmuscle.core.types import ROUNDING, SAME, Bools, Floats, Ints, Progress, 
 
 #: Points whose weights are computed at once: a step of progress, and the time until an abort.
 _BLOCK = 128
-#: Size up to which weights are kept [bytes], of 27 000 points in 10 000 vertices; further weights are
+#: Size up to which a process keeps weights [bytes], of 27 000 points in 10 000 vertices; further weights are
 #: computed again for each frame.
 _LARGEST_CACHE = 2**31
+#: The weights that are kept.
+_kept: WeakValueDictionary[int, Floats] = WeakValueDictionary()
 
 
 class EmbeddedPoints:
@@ -78,8 +81,9 @@ class EmbeddedPoints:
             block, weights = slice(first, first + _BLOCK), self._weights.get(first)
             if weights is None:
                 weights = mean_value_coordinates(self.points, self.triangles, self.positions[block])
-                if weights.nbytes + sum(kept.nbytes for kept in self._weights.values()) <= _LARGEST_CACHE:
-                    self._weights[first] = weights
+                others = [kept() for kept in _kept.valuerefs()]
+                if weights.nbytes + sum(kept.nbytes for kept in others if kept is not None) <= _LARGEST_CACHE:
+                    self._weights[first] = _kept[id(weights)] = weights
             moved[block] = transport(weights, vertices)
             report(min(block.stop, len(moved)) / len(moved))
         return moved

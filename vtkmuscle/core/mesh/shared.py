@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 T = TypeVar("T")
 P = ParamSpec("P")
-_lock = RLock()
 #: Results of shared functions per active :func:`keep_shared` context.
 _kept: dict[int, list[object]] = {}
 
@@ -35,19 +34,20 @@ def keep_shared() -> Iterator[None]:
 def shared(make: Callable[P, T], *, last: int = 0) -> Callable[P, T]:
     """Return a function with shared results for equal arrays. A result lives while in use.
 
-    The object is made from copies of the arrays, in a single thread. The function itself keeps its ``last``
-    results.
+    The object is made from copies of the arrays, of which a text is a kind, in a single thread. The function
+    itself keeps its ``last`` results.
     """
     results: WeakValueDictionary[bytes, T] = WeakValueDictionary()
     latest: deque[T] = deque(maxlen=last)
+    lock = RLock()  # of this function: the building of other objects need not wait
 
     @wraps(make)
-    def shared_result(*arrays: NDArray[Any]) -> T:
-        key = digest(*arrays)
-        with _lock:
+    def shared_result(*arrays: NDArray[Any] | str) -> T:
+        key = digest(*map(np.asarray, arrays))
+        with lock:
             result = results.get(key)
             if result is None:
-                copies: Any = [array.copy() for array in arrays]  # the caller's may change
+                copies: Any = [np.array(array, order="C") for array in arrays]  # the caller's may change
                 result = results[key] = make(*copies)  # type: ignore[call-arg]
                 for kept in list(_kept.values()):
                     kept.append(result)

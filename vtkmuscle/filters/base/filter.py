@@ -6,7 +6,7 @@ import inspect
 import re
 from collections.abc import Iterable
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 
@@ -114,6 +114,16 @@ class Filter(Runnable, Algorithm):
     def __reduce__(self) -> tuple[Any, ...]:
         return partial(type(self), **self.parameters()), ()
 
+    def __copy__(self, _memo: object = None) -> Self:
+        """Return a filter with the same parameters and connections, also as a deep copy."""
+        copy = type(self)(**self.parameters())
+        for port in range(self.GetNumberOfInputPorts()):
+            for index in range(self.GetNumberOfInputConnections(port)):
+                copy.SetInputConnection(port, self.GetInputConnection(port, index))
+        return copy
+
+    __deepcopy__ = __copy__
+
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
@@ -199,4 +209,5 @@ class Filter(Runnable, Algorithm):
             for port in range(self.GetNumberOfInputPorts())
             for index in range(self.GetNumberOfInputConnections(port))
         ]
-        self._arguments.clear()
+        kept = self._arguments.items()
+        self._arguments = {port: of for port, of in kept if of[0] is self.GetInputDataObject(port, 0)}

@@ -7,9 +7,10 @@ from dataclasses import KW_ONLY, dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonCore import vtkObject
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataObjectTypes, vtkMultiBlockDataSet, vtkPolyData
-from vtkmodules.vtkCommonExecutionModel import vtkAlgorithmOutput, vtkTrivialProducer
+from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkAlgorithmOutput, vtkTrivialProducer
 from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 
 from vtkmuscle.core.words import quoted
@@ -125,6 +126,8 @@ class InputPort(Port):
         producer = connection.GetProducer()
         if isinstance(producer, vtkTrivialProducer):
             return producer.GetOutputDataObject(0)
+        if isinstance(producer, _BlockSource):
+            return producer.data
         return producer if producer.GetNumberOfOutputPorts() == 1 else connection
 
     def __set__(self, instance: Filter, value: Any) -> None:
@@ -182,6 +185,8 @@ def source_of(value: Any) -> tuple[Any, int] | None:
 
     The value is a data object, an algorithm, a chain, a vtkAlgorithmOutput or VTK's ``select_ports``.
     """
+    if isinstance(value, vtkMultiBlockDataSet):
+        return _BlockSource(value), 0
     if isinstance(value, vtkDataObject):
         producer = vtkTrivialProducer()
         producer.SetOutput(value)
@@ -198,6 +203,38 @@ def source_of(value: Any) -> tuple[Any, int] | None:
 def end_of(value: Any, name: str) -> Any:
     """Return a chain's ``first`` or ``last`` algorithm, else the value."""
     return value if isinstance(value, vtkObject) else getattr(value, name, value)
+
+
+class _BlockSource(VTKPythonAlgorithmBase):
+    """Source of a data set, executed after changes of blocks. VTK's producer ignores such changes."""
+
+    def __init__(self, data: vtkMultiBlockDataSet) -> None:
+        self.data, self._parts = data, list[vtkDataObject]()
+        super().__init__(nInputPorts=1, nOutputPorts=1, outputType="vtkMultiBlockDataSet")
+        self._connect_parts()
+
+    def _connect_parts(self) -> None:
+        blocks = map(self.data.GetBlock, range(self.data.GetNumberOfBlocks()))
+        parts = [self.data, *(block for block in blocks if block is not None)]
+        if list(map(id, parts)) != list(map(id, self._parts)):
+            self._parts = parts
+            self.RemoveAllInputConnections(0)
+            for part in parts:
+                producer = vtkTrivialProducer()
+                producer.SetOutput(part)
+                self.AddInputConnection(producer.GetOutputPort())
+
+    def FillInputPortInformation(self, port: int, info: Any) -> int:
+        """Declare the port of the data set and its blocks."""
+        info.Set(vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE(), "vtkDataObject")
+        info.Set(vtkAlgorithm.INPUT_IS_REPEATABLE(), 1)
+        return 1
+
+    def RequestData(self, request: Any, inInfo: Any, outInfo: Any) -> int:
+        """Pass on the data set."""
+        self._connect_parts()
+        vtkDataObject.GetData(outInfo).ShallowCopy(self.data)
+        return 1
 
 
 def _grouped(blocks: Mapping[str, Any]) -> vtkGroupDataSetsFilter | None:
