@@ -27,8 +27,7 @@ from vtkmuscle.scenes import SETTINGS, Scene
 
 #: Columns that every table has after the subject or the settings; columns of numbers follow.
 COLUMNS = ("muscle", "verdict", "message", "folder")
-#: A subject's name is cut to this number of characters in the name of its folder: file systems hold 255
-#: bytes.
+#: A subject's name is cut to this number of characters in its folder's name: file systems hold 255 bytes.
 _LONGEST = 40
 
 Row = dict[str, Any]
@@ -152,13 +151,9 @@ def combinations(settings: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def run_labelled(
-    labelled: Sequence[tuple[Mapping[str, Any], Any]],
-    out: str | PathLike[str] | None,
-    client: Any,
-    workers: int | None,
-    progress: Callable[[Sequence[Row]], None] | None,
-    options: Mapping[str, Any],
-) -> Table:
+    labelled: Sequence[tuple[Mapping[str, Any], Any]], out: str | PathLike[str] | None, client: Any,
+    workers: int | None, progress: Callable[[Sequence[Row]], None] | None, options: Mapping[str, Any],
+) -> Table:  # fmt: skip
     """Run labelled scenes, and write the table. The labels are the first columns of the table."""
     of_run = {name: value for name, value in options.items() if name not in ("muscles", *SETTINGS)}
     run_options(of_run | {"workers": workers}, SETTINGS)
