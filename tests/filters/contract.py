@@ -124,6 +124,14 @@ def check_empty_inputs_are_refused(case):
             raises_each_time_and_is_mended(case, number, lambda data: data.NewInstance())
 
 
+def check_an_open_port_is_named(case):
+    required = [port.name for port in case.ports if not port.optional]
+    for name in required[:1]:
+        told = f"{case.kind.__name__}: {name}: it is not connected; it must be a vtk"
+        with pytest.raises(ValueError, match=told):
+            case.filter().update()
+
+
 def check_runs_without_optional_inputs(case):
     """Run, or name an optional port."""
     inputs = [None if port.optional else example(case.kind, port) for port in case.ports]

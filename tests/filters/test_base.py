@@ -146,11 +146,6 @@ def test_names_that_vtk_owns_are_refused(name):
 # -------------------------------------------------------------------- connections
 
 
-def test_open_port_is_named():
-    with pytest.raises(ValueError, match=r"Shift: shape: it is not connected; it must be a vtkPolyData"):
-        Shift().update()
-
-
 def test_running_on_data_leaves_the_connections():
     shift = Shift(shape=line(10.0))
     assert x_of(shift(line(20.0))) == 21.0

@@ -149,6 +149,7 @@ class Algorithm(VTKPythonAlgorithmBase):
         """Create outputs of the first input's class."""
         for number, port in enumerate(self.output_ports):
             if port.kind is vtkDataSet:
+                self.check_connections()
                 source = _DATA.Get(inInfo[0].GetInformationObject(0))
                 info = outInfo.GetInformationObject(number)
                 made = _DATA.Get(info)
