@@ -1,16 +1,8 @@
 """Phantoms with known paths: lengths against an independent taut string, moment arms against lengths."""
 
 import numpy as np
+import phantoms
 import pytest
-from phantoms import (
-    flexor_over_brim,
-    lifting_strap,
-    slivered_tendon,
-    spindle_over_ball,
-    strap_over_two_joints,
-    tendon_through_ring,
-    wrapping_cylinder,
-)
 from phantoms.planar import flexed
 from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull
@@ -53,7 +45,7 @@ def taut_length(start, end, circles, outward):
 
 def over_two_joints(pose):
     """Return the phantom, its known length and the rollers' middle circles in a pose."""
-    phantom = strap_over_two_joints(coordinates=[pose])
+    phantom = phantoms.strap_over_two_joints(coordinates=[pose])
     lower = phantom.motion.at(0.0)["middle"] @ [0.0, *flexed((-8.0, -100.0), -60.0), 1.0]
     return phantom, 0.0, phantom.known["length"](*pose), [((0.0, 0.0), 26.0), (lower[1:3], 18.0)]
 
@@ -63,10 +55,10 @@ def held(phantom, circle, times):
 
 
 STRINGS = {
-    "wound": held(wrapping_cylinder(), ((0.0, 0.0), 30.0), (-79.0, -60.0, 0.0, 40.0, 80.0)),
-    "over a roller": held(lifting_strap(), ((0.0, 0.0), 25.0), (0.0, 12.0, 29.0, 30.0)),
-    "over a brim": held(flexor_over_brim(), ((-16.0, 14.0), 15.0), (0.0, 25.0, 50.0, 80.0)),
-    "round an edge": held(slivered_tendon(pulls=PULLS), ((0.0, 0.0), 18.0), PULLS),
+    "wound": held(phantoms.wrapping_cylinder(), ((0.0, 0.0), 30.0), (-79.0, -60.0, 0.0, 40.0, 80.0)),
+    "over a roller": held(phantoms.lifting_strap(), ((0.0, 0.0), 25.0), (0.0, 12.0, 29.0, 30.0)),
+    "over a brim": held(phantoms.flexor_over_brim(), ((-16.0, 14.0), 15.0), (0.0, 25.0, 50.0, 80.0)),
+    "round an edge": held(phantoms.slivered_tendon(pulls=PULLS), ((0.0, 0.0), 18.0), PULLS),
     "over two joints": [over_two_joints(pose) for pose in TWO_JOINTS],
 }
 
@@ -84,7 +76,7 @@ def test_a_muscle_is_as_long_as_a_string_past_its_circles(name):
 
 def test_free_muscles_are_as_long_as_the_way_between_their_moved_ends():
     """Of the lifting strap after its lift-off, and of the spindle over a ball."""
-    strap, ball = lifting_strap(), spindle_over_ball()
+    strap, ball = phantoms.lifting_strap(), phantoms.spindle_over_ball()
     assert strap.known["lift_off"] == 30.0
     poses = zip(*ball.known["coordinates"].values(), strict=True)
     cases = [(strap, angle, (angle,)) for angle in (33.0, 50.0, 70.0)]
@@ -96,15 +88,19 @@ def test_free_muscles_are_as_long_as_the_way_between_their_moved_ends():
 
 
 def brims_straight(angle):
-    origin, insertion = moved_ends(flexor_over_brim(), angle)
+    origin, insertion = moved_ends(phantoms.flexor_over_brim(), angle)
     return np.linalg.norm(insertion - origin)
 
 
 def arms_and_lengths():
     """Yield by phantom: moment arm, length by the angle alone, and angle [degrees]."""
-    strap, brim, ring = (make().known for make in (lifting_strap, flexor_over_brim, tendon_through_ring))
+    strap, brim, ring = (
+        make().known
+        for make in (phantoms.lifting_strap, phantoms.flexor_over_brim, phantoms.tendon_through_ring)
+    )
     two, ball, wound = (
-        make().known for make in (strap_over_two_joints, spindle_over_ball, wrapping_cylinder)
+        make().known
+        for make in (phantoms.strap_over_two_joints, phantoms.spindle_over_ball, phantoms.wrapping_cylinder)
     )
     for depth in (-5.0, 0.0, 3.0):
         for q in (0.0, 15.0, 29.0, 31.0, 45.0, 70.0):
@@ -130,14 +126,14 @@ def test_moment_arms_are_the_slopes_of_lengths():
     for arm, length, angle in arms_and_lengths():
         slope = (length(angle + step) - length(angle - step)) / (2.0 * np.radians(step))
         assert arm == pytest.approx(-slope, abs=1e-5)
-    known = flexor_over_brim().known
+    known = phantoms.flexor_over_brim().known
     assert known["straight_moment_arm"](0.0) < 0.0 < known["moment_arm"](0.0)
 
 
 @pytest.mark.parametrize("clearance", [0.0, 3.5])
 @pytest.mark.parametrize("angle", [0.0, 12.0, 60.0])
 def test_tendon_is_as_long_as_the_shortest_way_through_its_ring(angle, clearance):
-    phantom = tendon_through_ring()
+    phantom = phantoms.tendon_through_ring()
     start, end = moved_ends(phantom, angle)
     *_, ring = attachments_of(phantom.attachments["muscle"], "test")
     centre, reach = ring.landmarks.mean(axis=0), 6.0 - clearance

@@ -8,16 +8,7 @@ import pyvista as pv
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template import KINDS
-from vtkmuscle.data.arrays import (
-    blocks_of,
-    cell_array,
-    field_array,
-    field_string,
-    points_of,
-    polylines_of,
-    surface_from,
-    triangles_of,
-)
+from vtkmuscle.data import arrays
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.filters import FibreMetrics, FibreSource
 from vtkmuscle.pipelines import decompose
@@ -38,11 +29,11 @@ every_phantom = pytest.mark.parametrize("make", [getattr(phantoms, name) for nam
 
 
 def mesh(surface):
-    return points_of(surface), triangles_of(surface, "phantom")
+    return arrays.points_of(surface), arrays.triangles_of(surface, "phantom")
 
 
 def surfaces(phantom):
-    return {**dict(blocks_of(phantom.bones)), **phantom.muscles}
+    return {**dict(arrays.blocks_of(phantom.bones)), **phantom.muscles}
 
 
 def signed_distances(points, surface):
@@ -66,7 +57,7 @@ def test_triangles_are_no_slivers(make):
     phantom = make()
     # But for the muscle that is there for its slivers (tests/test_phantom_paths.py).
     for name, surface in (
-        dict(blocks_of(phantom.bones)) if make is phantoms.slivered_tendon else surfaces(phantom)
+        dict(arrays.blocks_of(phantom.bones)) if make is phantoms.slivered_tendon else surfaces(phantom)
     ).items():
         angles = pv.wrap(surface).cell_quality("min_angle")["min_angle"]
         assert angles.min() > 10, name
@@ -77,15 +68,15 @@ def test_triangles_are_no_slivers(make):
 def test_muscles_do_not_enter_bones(make):
     phantom = make()
     for name, muscle in phantom.muscles.items():
-        for bone, surface in blocks_of(phantom.bones):
-            depth = -signed_distances(points_of(muscle), surface).min()
+        for bone, surface in arrays.blocks_of(phantom.bones):
+            depth = -signed_distances(arrays.points_of(muscle), surface).min()
             assert depth < 0.5, f"{name} is {depth:.2f} mm deep in {bone}"
 
 
 @every_phantom
 def test_landmarks_lie_on_bone_and_muscle(make):
     phantom = make()
-    bones = dict(blocks_of(phantom.bones))
+    bones = dict(arrays.blocks_of(phantom.bones))
     for name, muscle in phantom.muscles.items():
         areas = attachments_of(phantom.attachments[name], name)
         assert {area.role for area in areas} - {"via"} == {"origin", "insertion"}
@@ -100,7 +91,7 @@ def test_landmarks_lie_on_bone_and_muscle(make):
 def test_each_part_belongs_together(make):
     phantom = make()
     assert set(phantom.attachments) == set(phantom.templates) == set(phantom.muscles)
-    assert set(phantom.motion.transforms) < {name for name, _ in blocks_of(phantom.bones)}
+    assert set(phantom.motion.transforms) < {name for name, _ in arrays.blocks_of(phantom.bones)}
     assert phantom.motion.times[0] == 0.0
     for transform in phantom.motion.at(0.0).values():
         np.testing.assert_allclose(transform, np.eye(4), atol=1e-12)
@@ -109,13 +100,16 @@ def test_each_part_belongs_together(make):
 @every_phantom
 def test_bones_do_not_meet_as_they_move(make):
     phantom = make()
-    bones = dict(blocks_of(phantom.bones))
+    bones = dict(arrays.blocks_of(phantom.bones))
     for time in phantom.motion.times[:: max(1, (len(phantom.motion.times) - 1) // 2)]:
         moved = {
-            bone: apply_transform(transform, points_of(bones[bone]))
+            bone: apply_transform(transform, arrays.points_of(bones[bone]))
             for bone, transform in phantom.motion.at(time).items()
         }
-        here = {bone: surface_from(moved.get(bone, points_of(s)), mesh(s)[1]) for bone, s in bones.items()}
+        here = {
+            bone: arrays.surface_from(moved.get(bone, arrays.points_of(s)), mesh(s)[1])
+            for bone, s in bones.items()
+        }
         for moving, points in moved.items():
             for name in set(bones) - {moving}:
                 gap = signed_distances(points[::5], here[name]).min()
@@ -152,7 +146,7 @@ def test_spindle_moment_arm_is_the_derivative_of_its_length(spindle):
 
 
 def test_femoral_head_is_a_ball_about_the_origin(hip):
-    points = points_of(dict(blocks_of(hip.bones))["femur"])
+    points = arrays.points_of(dict(arrays.blocks_of(hip.bones))["femur"])
     # Away from the neck, which leaves the head to the side (-x).
     head = points[(points[:, 0] > 8) & (np.linalg.norm(points, axis=1) < 30)]
     assert len(head) > 100
@@ -172,14 +166,14 @@ def test_the_bellys_fibres_have_their_known_lengths_and_pennation():
     muscle, known = phantom.muscles["belly"], phantom.known
     assert survey(*mesh(muscle)).volume == pytest.approx(known["volume"], rel=0.03)
     fibres = FibreMetrics()(FibreSource(n_fibres=200)(muscle, phantom.attachments["belly"]), muscle)
-    assert field_string(fibres, "Course") == "straight"
-    starts = polylines_of(fibres, "fibres").points.reshape(200, -1, 3)[:, 0]
+    assert arrays.field_string(fibres, "Course") == "straight"
+    starts = arrays.polylines_of(fibres, "fibres").points.reshape(200, -1, 3)[:, 0]
     for array, answer, median, most in (
         ("Length", "fibre_length", 0.4, 3.0),
         ("PennationOrigin", "pennation", 0.5, 2.0),
         ("PennationInsertion", "pennation", 0.5, 2.0),
     ):
-        error = cell_array(fibres, array, "fibres") - [known[answer](x) for x in starts[:, 0]]
+        error = arrays.cell_array(fibres, array, "fibres") - [known[answer](x) for x in starts[:, 0]]
         assert abs(np.median(error)) < median, array
         assert np.percentile(np.abs(error), 95) < most, array
 
@@ -193,11 +187,13 @@ def test_the_chain_of_filters_gives_the_known_lengths_angles_and_volume(kind):
     for port, value in enumerate((fibres, muscle, attachments)):
         metrics.connect(port, value)
     measured = metrics.update().output
-    r, s = (cell_array(measured, name, kind) for name in ("r", "s"))
+    r, s = (arrays.cell_array(measured, name, kind) for name in ("r", "s"))
     lengths = known_of_each(phantom, "fibre_length", r, s)
-    assert np.abs(cell_array(measured, "Length", kind) / lengths - 1).max() < 0.005
+    assert np.abs(arrays.cell_array(measured, "Length", kind) / lengths - 1).max() < 0.005
     for end in ("Origin", "Insertion"):
         name = "pennation" if "pennation" in phantom.known else f"pennation_{end.lower()}"
         known = known_of_each(phantom, name, r, s)
-        assert np.abs(cell_array(measured, f"Pennation{end}", kind) - known).max() < 1.0, end
-    assert field_array(measured, "MuscleVolume")[0] == pytest.approx(phantom.known["volume"], rel=0.001)
+        assert np.abs(arrays.cell_array(measured, f"Pennation{end}", kind) - known).max() < 1.0, end
+    assert arrays.field_array(measured, "MuscleVolume")[0] == pytest.approx(
+        phantom.known["volume"], rel=0.001
+    )

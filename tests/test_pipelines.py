@@ -5,18 +5,9 @@ import gc
 import numpy as np
 import pytest
 
+from vtkmuscle import filters
 from vtkmuscle.data.arrays import cell_array, points_of, polylines_of
 from vtkmuscle.data.attachments import Aponeurosis, aponeuroses_data, attachments_from
-from vtkmuscle.filters import (
-    BoneMotion,
-    FibreMetrics,
-    FibreSmoother,
-    FibreSource,
-    FibreTransport,
-    PathDeformer,
-    PBDDeformer,
-    TautPaths,
-)
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.pipelines import DEFORMERS, FIBRE_SETTINGS, MusclePipeline, decompose, deform
 from vtkmuscle.run import muscle_pipeline
@@ -37,15 +28,17 @@ def test_the_settings_of_fibres_are_all_parameters_of_the_chain(muscle, attachme
     while chain[-1].GetNumberOfInputPorts():
         chain.append(chain[-1].GetInputAlgorithm(0, 0))
     declared = {name: one for f in chain for name, one in f.parameter_declarations.items()}
-    declared["course"] = FibreSource.parameter_declarations["course"]
+    declared["course"] = filters.FibreSource.parameter_declarations["course"]
     assert declared == FIBRE_SETTINGS
     with pytest.raises(TypeError, match="decompose has no setting 'n_fibre'; did you mean 'n_fibres'"):
         decompose(muscle, attachments, n_fibre=3)
 
 
 def test_settings_of_sections_do_not_go_with_straight_fibres(muscle, attachments):
-    assert isinstance(decompose(muscle, attachments, n_fibres=5, course="straight"), FibreSource)
-    assert isinstance(decompose(muscle, attachments, template="fan", course="sections"), FibreSmoother)
+    assert isinstance(decompose(muscle, attachments, n_fibres=5, course="straight"), filters.FibreSource)
+    assert isinstance(
+        decompose(muscle, attachments, template="fan", course="sections"), filters.FibreSmoother
+    )
     with pytest.raises(ValueError, match="template is a setting of fibres through sections"):
         decompose(muscle, attachments, template="fan", course="straight")
 
@@ -81,7 +74,7 @@ def test_a_muscle_pipeline_is_the_filters_connected_by_hand(scene, muscle, attac
     deformed = deform(fixed, bones, motion, attachments, fibres=fibres, fixing=None, iterations=4)
     moved = deformed.update(time=10.0).output
     carried = deformed.update(time=10.0, port=1).output
-    expected = np.array(cell_array(FibreMetrics()(carried, moved), "Length", "test"))
+    expected = np.array(cell_array(filters.FibreMetrics()(carried, moved), "Length", "test"))
     np.testing.assert_array_equal(lengths(pipeline.metrics), expected)
     np.testing.assert_array_equal(points_of(pipeline.deformer.update(time=10.0).output), points_of(moved))
     assert pipeline.taut_paths is pipeline.deformer.paths
@@ -98,9 +91,9 @@ def test_a_muscle_pipeline_of_paths_pulls_the_fibres_taut(scene, muscle, attachm
     assert pipeline.deformer is None
     assert pipeline.metrics.fibres is pipeline.taut_paths
     fixed = FixedPointDetector(muscle=muscle, bones=bones, attachments=attachments)
-    posed = {"rest_bones": bones, "bones": BoneMotion(bones=bones, motion=motion)}
+    posed = {"rest_bones": bones, "bones": filters.BoneMotion(bones=bones, motion=motion)}
     rest = {"rest_fibres": decompose(fixed, attachments, **FEW_FIBRES), "rest_muscle": fixed}
-    taut = TautPaths(**rest, **posed, attachments=attachments)
+    taut = filters.TautPaths(**rest, **posed, attachments=attachments)
     found = points_of(pipeline.metrics.update(time=10.0).output)
     np.testing.assert_array_equal(found, points_of(taut.update(time=10.0).output))
 
@@ -115,7 +108,7 @@ def test_settings_of_a_muscle_pipeline_reach_their_filters_or_are_refused(scene,
     assert pipeline.fibres.smoothing_passes == 2
     assert pipeline.taut_paths.resolution == 20
     transport = made(fixing={}, fibres={**FEW_FIBRES, **own}, deformer="pbd").metrics.fibres
-    assert isinstance(transport, FibreTransport)
+    assert isinstance(transport, filters.FibreTransport)
     assert transport.weight_tolerance == 0.1
     without = made(fixing={})
     assert (without.fibres, without.metrics) == (None, None)
@@ -144,7 +137,7 @@ def test_every_deformer_has_its_stages_and_no_others(scene, muscle, attachments)
     parts = muscle, scene.bones_data(), scene.motion, attachments
     made = {kind: MusclePipeline(*parts, fixing={}, fibres=FEW_FIBRES, deformer=kind) for kind in DEFORMERS}
     kinds = {kind: type(pipeline.deformer) for kind, pipeline in made.items()}
-    assert kinds == {"paths": PathDeformer, "pbd": PBDDeformer, "none": type(None)}
+    assert kinds == {"paths": filters.PathDeformer, "pbd": filters.PBDDeformer, "none": type(None)}
     assert made["pbd"].taut_paths is None, "nothing needs them"
     with_paths = MusclePipeline(*parts, fixing={}, fibres=FEW_FIBRES, deformer="pbd", paths={})
     assert with_paths.taut_paths.rest_fibres is with_paths.fibres

@@ -27,8 +27,7 @@ from vtkmuscle.scenes import SETTINGS, Scene
 
 #: Columns that every table has after the subject or the settings; columns of numbers follow.
 COLUMNS = ("muscle", "verdict", "message", "folder")
-#: A subject's name is cut to this number of characters in the name of its folder: file systems hold 255
-#: bytes.
+#: A subject's name is cut to this number of characters in its folder's name: file systems hold 255 bytes.
 _LONGEST = 40
 
 Row = dict[str, Any]

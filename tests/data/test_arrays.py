@@ -7,30 +7,7 @@ from vtkmodules.vtkCommonCore import VTK_DOUBLE, vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersSources import vtkPlaneSource
 
-from vtkmuscle.data.arrays import (
-    Polylines,
-    add_arrays,
-    blocks_of,
-    cell_array,
-    checked_surface,
-    field_array,
-    field_string,
-    point_array,
-    points_of,
-    polylines_from,
-    polylines_of,
-    string_array,
-    surface_from,
-    triangles_of,
-    with_points,
-)
-from vtkmuscle.data.attachments import (
-    AttachmentArea,
-    attachments_from,
-    attachments_of,
-    end_areas,
-    via_rings_of,
-)
+from vtkmuscle.data import arrays, attachments
 
 POINTS = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
 TRIANGLES = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
@@ -46,22 +23,22 @@ def lines_with_shared_points(**more):
 
 
 def test_surface_keeps_points_and_triangles():
-    surface = surface_from(POINTS, TRIANGLES)
+    surface = arrays.surface_from(POINTS, TRIANGLES)
     assert surface.GetPoints().GetDataType() == VTK_DOUBLE
-    np.testing.assert_array_equal(points_of(surface), POINTS)
-    np.testing.assert_array_equal(triangles_of(surface, "here"), TRIANGLES)
+    np.testing.assert_array_equal(arrays.points_of(surface), POINTS)
+    np.testing.assert_array_equal(arrays.triangles_of(surface, "here"), TRIANGLES)
 
 
 def test_surface_of_faces_with_more_corners_is_refused():
     plane = vtkPlaneSource()
     plane.Update()
     with pytest.raises(ValueError, match=r"here: .*not triangles.*vtkTriangleFilter"):
-        triangles_of(plane.GetOutput(), "here")
+        arrays.triangles_of(plane.GetOutput(), "here")
 
 
 def test_surface_without_triangles_is_refused():
     with pytest.raises(ValueError, match="here: the surface has no triangles"):
-        triangles_of(lines_with_shared_points(), "here")
+        arrays.triangles_of(lines_with_shared_points(), "here")
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
@@ -69,27 +46,27 @@ def test_surface_with_a_point_that_is_not_finite_is_refused_by_its_number(bad):
     points = POINTS.copy()
     points[2, 1] = bad
     with pytest.raises(ValueError, match=r"here: 1 point\(s\) are not finite, the first is point 2"):
-        checked_surface(surface_from(points, TRIANGLES), "here")
+        arrays.checked_surface(arrays.surface_from(points, TRIANGLES), "here")
 
 
 def test_with_points_keeps_the_rest_but_normals_and_leaves_the_input():
-    surface = pv.wrap(surface_from(POINTS, TRIANGLES)).compute_normals(split_vertices=False)
-    add_arrays(surface, points={"FixedTo": np.arange(4)}, cells={"part": np.arange(4.0)})
-    moved = with_points(surface, POINTS + 1)
-    np.testing.assert_array_equal(points_of(surface), POINTS)
-    np.testing.assert_array_equal(points_of(moved), POINTS + 1)
+    surface = pv.wrap(arrays.surface_from(POINTS, TRIANGLES)).compute_normals(split_vertices=False)
+    arrays.add_arrays(surface, points={"FixedTo": np.arange(4)}, cells={"part": np.arange(4.0)})
+    moved = arrays.with_points(surface, POINTS + 1)
+    np.testing.assert_array_equal(arrays.points_of(surface), POINTS)
+    np.testing.assert_array_equal(arrays.points_of(moved), POINTS + 1)
     assert moved.GetPointData().GetNormals() is moved.GetCellData().GetNormals() is None
     assert surface.GetPointData().GetNormals() is not None
-    np.testing.assert_array_equal(point_array(moved, "FixedTo", "here"), np.arange(4))
-    np.testing.assert_array_equal(cell_array(moved, "part", "here"), np.arange(4.0))
+    np.testing.assert_array_equal(arrays.point_array(moved, "FixedTo", "here"), np.arange(4))
+    np.testing.assert_array_equal(arrays.cell_array(moved, "part", "here"), np.arange(4.0))
 
 
 # -------------------------------------------------------------------- polylines
 
 
 def test_polylines_round_trip():
-    lines = Polylines(np.arange(15.0).reshape(5, 3), np.array([0, 2, 5]))
-    back = polylines_of(polylines_from(lines), "here")
+    lines = arrays.Polylines(np.arange(15.0).reshape(5, 3), np.array([0, 2, 5]))
+    back = arrays.polylines_of(arrays.polylines_from(lines), "here")
     np.testing.assert_array_equal(back.points, lines.points)
     np.testing.assert_array_equal(back.offsets, lines.offsets)
     assert len(back) == 2
@@ -97,7 +74,7 @@ def test_polylines_round_trip():
 
 
 def test_polylines_that_share_points_get_their_own():
-    lines = polylines_of(lines_with_shared_points(), "here")
+    lines = arrays.polylines_of(lines_with_shared_points(), "here")
     np.testing.assert_array_equal(lines.offsets, [0, 3, 6])
     np.testing.assert_array_equal(lines.line(0)[:, 0], [2, 1, 0])
     np.testing.assert_array_equal(lines.line(1)[:, 1], [0, 1, 2])
@@ -105,65 +82,61 @@ def test_polylines_that_share_points_get_their_own():
 
 def test_a_copy_of_lines_puts_point_arrays_in_the_order_of_the_lines():
     data = lines_with_shared_points()
-    add_arrays(
-        data,
-        points={"id": np.arange(5)},
-        cells={"FibreId": np.array([10, 11])},
-        fields={"Transform": np.arange(16.0)},
-    )
-    data.GetPointData().AddArray(string_array("letter", "abcde"))
+    cells, fields = {"FibreId": np.array([10, 11])}, {"Transform": np.arange(16.0)}
+    arrays.add_arrays(data, points={"id": np.arange(5)}, cells=cells, fields=fields)
+    data.GetPointData().AddArray(arrays.string_array("letter", "abcde"))
     data.GetPointData().SetActiveScalars("id")
-    lines = polylines_of(data, "here")
+    lines = arrays.polylines_of(data, "here")
     result = lines.moved(lines.points)
     assert result.GetPointData().GetScalars().GetName() == "id"
     letters = result.GetPointData().GetAbstractArray("letter")
     assert "".join(map(letters.GetValue, range(6))) == "cbabde"
-    np.testing.assert_array_equal(point_array(result, "id", "here"), [2, 1, 0, 1, 3, 4])
-    np.testing.assert_array_equal(cell_array(result, "FibreId", "here"), [10, 11])
-    np.testing.assert_array_equal(field_array(result, "Transform"), np.arange(16.0))
+    np.testing.assert_array_equal(arrays.point_array(result, "id", "here"), [2, 1, 0, 1, 3, 4])
+    np.testing.assert_array_equal(arrays.cell_array(result, "FibreId", "here"), [10, 11])
+    np.testing.assert_array_equal(arrays.field_array(result, "Transform"), np.arange(16.0))
 
 
 @pytest.mark.parametrize("offsets", [(0, 2, 5), (0, 3, 6)])
 def test_lines_of_other_points_drop_point_arrays_only(offsets):
     data = lines_with_shared_points()
-    add_arrays(data, points={"id": np.arange(5)}, cells={"FibreId": np.array([10, 11])})
-    result = polylines_of(data, "here").moved(np.zeros((offsets[-1], 3)), np.array(offsets))
+    arrays.add_arrays(data, points={"id": np.arange(5)}, cells={"FibreId": np.array([10, 11])})
+    result = arrays.polylines_of(data, "here").moved(np.zeros((offsets[-1], 3)), np.array(offsets))
     assert not result.GetPointData().HasArray("id")
-    np.testing.assert_array_equal(cell_array(result, "FibreId", "here"), [10, 11])
+    np.testing.assert_array_equal(arrays.cell_array(result, "FibreId", "here"), [10, 11])
 
 
 def test_polylines_among_other_cells_are_refused():
     with pytest.raises(ValueError, match=r"here: 1 cell\(s\) are not polylines"):
-        polylines_of(lines_with_shared_points(verts=[1, 0]), "here")
+        arrays.polylines_of(lines_with_shared_points(verts=[1, 0]), "here")
 
 
 # -------------------------------------------------------------------- arrays
 
 
 def test_arrays_are_copied_in_and_read_only_out():
-    surface, values = surface_from(POINTS, TRIANGLES), np.arange(4.0)
-    add_arrays(surface, points={"a": values})
+    surface, values = arrays.surface_from(POINTS, TRIANGLES), np.arange(4.0)
+    arrays.add_arrays(surface, points={"a": values})
     values[:] = 7.0
-    view = point_array(surface, "a", "here")
+    view = arrays.point_array(surface, "a", "here")
     np.testing.assert_array_equal(view, np.arange(4.0))
     with pytest.raises(ValueError, match="read-only"):
         view[0] = 1.0
 
 
-@pytest.mark.parametrize(("get", "kind"), [(point_array, "point"), (cell_array, "cell")])
+@pytest.mark.parametrize(("get", "kind"), [(arrays.point_array, "point"), (arrays.cell_array, "cell")])
 def test_missing_array_is_named(get, kind):
     with pytest.raises(ValueError, match=f"here: the {kind} array 'FixedTo' is missing"):
-        get(surface_from(POINTS, TRIANGLES), "FixedTo", "here")
+        get(arrays.surface_from(POINTS, TRIANGLES), "FixedTo", "here")
 
 
 def test_field_arrays_hold_numbers_and_strings():
     data = vtkPolyData()
-    add_arrays(data, fields={"FitError": 1.5, "Bone": "fémur droit"})
-    np.testing.assert_array_equal(field_array(data, "FitError"), [1.5])
-    assert field_string(data, "Bone") == "fémur droit"
-    assert field_array(data, "nothing") is None
-    assert field_string(data, "nothing") is None
-    assert field_string(data, "FitError") is None
+    arrays.add_arrays(data, fields={"FitError": 1.5, "Bone": "fémur droit"})
+    np.testing.assert_array_equal(arrays.field_array(data, "FitError"), [1.5])
+    assert arrays.field_string(data, "Bone") == "fémur droit"
+    assert arrays.field_array(data, "nothing") is None
+    assert arrays.field_string(data, "nothing") is None
+    assert arrays.field_string(data, "FitError") is None
 
 
 # -------------------------------------------------------------------- blocks
@@ -172,8 +145,8 @@ def test_field_arrays_hold_numbers_and_strings():
 def test_blocks_without_names_are_called_by_number():
     data = vtkMultiBlockDataSet()
     data.SetBlock(1, vtkPolyData())
-    assert [name for name, _ in blocks_of(data)] == ["0", "1"]
-    assert blocks_of(data)[0][1] is None
+    assert [name for name, _ in arrays.blocks_of(data)] == ["0", "1"]
+    assert arrays.blocks_of(data)[0][1] is None
 
 
 # -------------------------------------------------------------------- attachment areas
@@ -183,12 +156,12 @@ TRIANGLE = np.array([(0.0, 0.0, 1.0), (4.0, 0.0, 1.0), (0.0, 4.0, 1.0)])
 
 def test_attachment_areas_round_trip():
     areas = [
-        AttachmentArea("origin", "pelvis", POINTS, closed=True),
-        AttachmentArea("insertion", "femur", POINTS + 1, closed=False),
-        AttachmentArea("origin", "sacrum", POINTS + 2, closed=True),
-        AttachmentArea("via", "femur", TRIANGLE, closed=True),
+        attachments.AttachmentArea("origin", "pelvis", POINTS, closed=True),
+        attachments.AttachmentArea("insertion", "femur", POINTS + 1, closed=False),
+        attachments.AttachmentArea("origin", "sacrum", POINTS + 2, closed=True),
+        attachments.AttachmentArea("via", "femur", TRIANGLE, closed=True),
     ]
-    back = attachments_of(attachments_from(areas), "here")
+    back = attachments.attachments_of(attachments.attachments_from(areas), "here")
     assert [(a.role, a.bone, a.closed) for a in back] == [(a.role, a.bone, a.closed) for a in areas]
     for one, other in zip(areas, back, strict=True):
         np.testing.assert_array_equal(one.landmarks, other.landmarks)
@@ -196,14 +169,14 @@ def test_attachment_areas_round_trip():
 
 def test_ends_and_via_rings_are_told_apart():
     areas = [
-        AttachmentArea("via", "femur", TRIANGLE, closed=True),
-        AttachmentArea("origin", "pelvis", POINTS, closed=True),
-        AttachmentArea("insertion", "femur", POINTS + 1, closed=False),
+        attachments.AttachmentArea("via", "femur", TRIANGLE, closed=True),
+        attachments.AttachmentArea("origin", "pelvis", POINTS, closed=True),
+        attachments.AttachmentArea("insertion", "femur", POINTS + 1, closed=False),
     ]
-    data = attachments_from(areas)
-    assert [area.role for area in attachments_of(data, "here")] == ["via", "origin", "insertion"]
-    assert [area.role for area in end_areas(data, "here")] == ["origin", "insertion"]
-    (ring,) = via_rings_of(data, "here")
+    data = attachments.attachments_from(areas)
+    assert [area.role for area in attachments.attachments_of(data, "here")] == ["via", "origin", "insertion"]
+    assert [area.role for area in attachments.end_areas(data, "here")] == ["origin", "insertion"]
+    (ring,) = attachments.via_rings_of(data, "here")
     assert (ring.role, ring.bone, ring.closed) == ("via", "femur", True)
     np.testing.assert_array_equal(ring.landmarks, TRIANGLE)
 
@@ -211,33 +184,36 @@ def test_ends_and_via_rings_are_told_apart():
 @pytest.mark.parametrize(
     ("ring", "message"),
     [
-        (AttachmentArea("via", "femur", TRIANGLE, closed=False), "must be closed; end the polyline"),
-        (AttachmentArea("via", "femur", TRIANGLE[[0, 1, 1]], closed=True), "3 landmarks or more"),
-        (AttachmentArea("via", "femur", TRIANGLE * [1, 0.001, 1], closed=True), "on a line"),
+        (
+            attachments.AttachmentArea("via", "femur", TRIANGLE, closed=False),
+            "must be closed; end the polyline",
+        ),
+        (attachments.AttachmentArea("via", "femur", TRIANGLE[[0, 1, 1]], closed=True), "3 landmarks or more"),
+        (attachments.AttachmentArea("via", "femur", TRIANGLE * [1, 0.001, 1], closed=True), "on a line"),
     ],
 )
 def test_a_via_ring_that_is_none_is_refused_with_its_block(ring, message):
     with pytest.raises(ValueError, match=f"here, block 'via_0': .*{message}"):
-        attachments_of(attachments_from([ring]), "here")
+        attachments.attachments_of(attachments.attachments_from([ring]), "here")
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         (lambda block: block.SetPoints(vtkPoints()), "no landmarks"),
-        (lambda block: add_arrays(block, fields={"Role": "middle"}), "'Role' is 'middle'.*'origin'"),
+        (lambda block: arrays.add_arrays(block, fields={"Role": "middle"}), "'Role' is 'middle'.*'origin'"),
         (lambda block: block.GetFieldData().RemoveArray("Role"), "'Role' is None"),
         (lambda block: block.GetFieldData().RemoveArray("Bone"), "'Bone'"),
         (lambda block: block.GetPoints().SetPoint(1, np.nan, 0, 0), "not finite"),
     ],
 )
 def test_bad_attachment_is_refused_with_its_block(change, message):
-    data = attachments_from(
+    data = attachments.attachments_from(
         [
-            AttachmentArea("origin", "a", POINTS, closed=True),
-            AttachmentArea("insertion", "b", POINTS, closed=True),
+            attachments.AttachmentArea("origin", "a", POINTS, closed=True),
+            attachments.AttachmentArea("insertion", "b", POINTS, closed=True),
         ]
     )
     change(data.GetBlock(1))
     with pytest.raises(ValueError, match=f"here, block 'insertion_1'.*{message}"):
-        attachments_of(data, "here")
+        attachments.attachments_of(data, "here")

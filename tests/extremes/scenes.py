@@ -7,15 +7,7 @@ import numpy as np
 from vtkmuscle.core.mesh.rest_shape import dihedral_angles
 from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology, signed_volume, unique_edges
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
-from vtkmuscle.data.arrays import (
-    add_arrays,
-    field_array,
-    multiblock_from,
-    point_array,
-    points_of,
-    surface_from,
-    triangles_of,
-)
+from vtkmuscle.data import arrays
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.phantoms.meshing import box
@@ -191,11 +183,13 @@ def bending(*angles):
 def run(mesh, path, *, fixed_to=None, bones=BONES, **settings):
     """Return the rest points, the muscle at the end of a path, and the deformer; look at it from outside."""
     points, triangles = mesh
-    muscle = surface_from(points, triangles)
+    muscle = arrays.surface_from(points, triangles)
     held = fixed_ends(points) if fixed_to is None else fixed_to
-    add_arrays(muscle, points={"FixedTo": np.asarray(held, dtype=np.int32)})
+    arrays.add_arrays(muscle, points={"FixedTo": np.asarray(held, dtype=np.int32)})
     tables = {f"bone {k}": np.array([at[k] for at in path]) for k in range(len(bones))}
-    rest_bones = multiblock_from({f"bone {k}": surface_from(*bone) for k, bone in enumerate(bones)})
+    rest_bones = arrays.multiblock_from(
+        {f"bone {k}": arrays.surface_from(*bone) for k, bone in enumerate(bones)}
+    )
     moving = BoneMotion(motion=RigidMotion(np.arange(float(len(path))), tables), bones=rest_bones)
     deformer = PBDDeformer(muscle=muscle, rest_bones=rest_bones, bones=moving, measure_shape=True, **settings)
     with warnings.catch_warnings():
@@ -203,10 +197,10 @@ def run(mesh, path, *, fixed_to=None, bones=BONES, **settings):
         told = r"PBDDeformer: rest_bones, block .*: \d+ of"
         warnings.filterwarnings("ignore", message=told)
         out = deformer.update(time=float(len(path) - 1)).output
-    now = points_of(out)
+    now = arrays.points_of(out)
     assert np.isfinite(now).all()
     if settings.get("quality") == "published":
-        assert np.isfinite(point_array(out, "Velocity", "")).all()
+        assert np.isfinite(arrays.point_array(out, "Velocity", "")).all()
     for k in range(out.GetFieldData().GetNumberOfArrays()):
         array = out.GetFieldData().GetArray(k)
         if array is not None:
@@ -222,15 +216,15 @@ def run(mesh, path, *, fixed_to=None, bones=BONES, **settings):
 
 def longest_edge(rest, out):
     """Return the greatest stretch of a muscle's edges, but the short ones; points (n, 3) at rest."""
-    edges = unique_edges(triangles_of(out, "muscle"))
+    edges = unique_edges(arrays.triangles_of(out, "muscle"))
     lengths = edge_lengths(rest, edges)
     long = lengths > SHORT * lengths.mean()
-    return float((edge_lengths(points_of(out), edges)[long] / lengths[long]).max())
+    return float((edge_lengths(arrays.points_of(out), edges)[long] / lengths[long]).max())
 
 
 def check_shape(rest, out, iterations=ITERATIONS):
     """Check that a muscle, of points (n, 3) at rest, keeps to the bounds of the stable modes."""
-    now, topology = points_of(out), mesh_topology(len(rest), triangles_of(out, "muscle"))
+    now, topology = arrays.points_of(out), mesh_topology(len(rest), arrays.triangles_of(out, "muscle"))
     angles, before = (np.degrees(np.abs(dihedral_angles(p, topology.quads)[0])) for p in (now, rest))
     folds = int(((angles > 149.0) & (before < 126.0)).sum())
     assert abs(figure(out, "VolumeRatio") - 1.0) <= VOLUME_BOUND
@@ -240,4 +234,4 @@ def check_shape(rest, out, iterations=ITERATIONS):
 
 
 def figure(out, name):
-    return float(field_array(out, name)[0])
+    return float(arrays.field_array(out, name)[0])

@@ -125,9 +125,10 @@ def check_empty_inputs_are_refused(case):
 
 
 def check_an_open_port_is_named(case):
-    needed = [port.name for port in case.ports if not port.optional]
-    for name in needed[:1]:
-        with pytest.raises(ValueError, match=f"{case.kind.__name__}: {name}: it is not connected; "):
+    required = [port.name for port in case.ports if not port.optional]
+    for name in required[:1]:
+        told = f"{case.kind.__name__}: {name}: it is not connected; it must be a vtk"
+        with pytest.raises(ValueError, match=told):
             case.filter().update()
 
 

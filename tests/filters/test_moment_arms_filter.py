@@ -32,6 +32,7 @@ def known_arms(angle):
 
 
 ANGLES = np.arange(0.0, 91.0, 5.0)
+KNEE = hinge("b", (0, 0, 0), (1, 0, 0), ANGLES, coordinate="knee")
 
 
 def arms_of(source, **parameters):
@@ -100,11 +101,7 @@ def test_of_two_coordinates_each_has_its_arrays_where_it_is_determined():
     ("parameters", "times", "message"),
     [
         ({}, [1.0], "MomentArms: no coordinate of the motion changes .'time'."),
-        (
-            {"motion": hinge("b", (0, 0, 0), (1, 0, 0), ANGLES), "coordinate": "hip"},
-            ANGLES,
-            "no coordinate 'hip'",
-        ),
+        ({"motion": KNEE, "coordinate": "hip"}, ANGLES, "no coordinate 'hip'"),
         ({"coordinate": "knee"}, ANGLES, "no coordinate 'knee'; it has: 'time'"),
         ({"motion": RigidMotion(ANGLES, {})}, ANGLES, "no coordinate of the motion changes .none"),
     ],
@@ -129,9 +126,6 @@ def paths_at(angle):
     lengths = polylines_of(data, "paths").lengths
     cells = {"Length": lengths, "RestLength": lengths, "Bow": 0.0 * lengths, "Lever_knee": known_arms(angle)}
     return add_arrays(data, points={"RestPosition": points_of(lines_at(0.0))}, cells=cells)
-
-
-KNEE = hinge("b", (0, 0, 0), (1, 0, 0), ANGLES, coordinate="knee")
 
 
 def test_of_paths_they_are_levers_in_the_one_pose_that_is_asked_for():

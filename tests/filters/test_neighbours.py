@@ -11,28 +11,21 @@ from examples import ball_beside
 from vtkmuscle import Muscle, Scene, SceneError
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.data.arrays import (
-    add_arrays,
-    checked_surface,
-    multiblock_from,
-    points_of,
-    triangles_of,
-    with_points,
-)
+from vtkmuscle.data import arrays
 from vtkmuscle.data.muscle_geometry import outward_tree
 from vtkmuscle.phantoms import spindle_over_hinge
 from vtkmuscle.pipelines import deform
 
 
 def depth(points, other):
-    return outward_tree(*checked_surface(other, "test")).depth(points)
+    return outward_tree(*arrays.checked_surface(other, "test")).depth(points)
 
 
 def pressing(shift=0.0):
     """Return a ball that has moved into the spindle by 9 mm, from beside it or from a little in it."""
     moved = np.array([0.0, -10.0, 0.0])
-    ball = with_points(ball_beside(), points_of(ball_beside()) + moved + [0.0, shift, 0.0])
-    add_arrays(ball, points={"Displacement": np.tile(moved, (ball.GetNumberOfPoints(), 1))})
+    ball = arrays.with_points(ball_beside(), arrays.points_of(ball_beside()) + moved + [0.0, shift, 0.0])
+    arrays.add_arrays(ball, points={"Displacement": np.tile(moved, (ball.GetNumberOfPoints(), 1))})
     return ball
 
 
@@ -48,37 +41,39 @@ def chain(spindle, neighbours=None, **solver):
 
 def test_a_muscle_gives_way_to_its_neighbour_and_keeps_its_volume(spindle):
     ball = pressing()
-    rest = points_of(spindle.muscles["spindle"])
+    rest = arrays.points_of(spindle.muscles["spindle"])
     assert depth(rest, ball).max() > 2.0
-    output = chain(spindle, multiblock_from({"ball": ball}), iterations=30).update(time=1.0).output
-    assert depth(points_of(output), ball).max() < 0.05
-    volumes = [signed_volume(points, triangles_of(output, "")) for points in (points_of(output), rest)]
+    output = chain(spindle, arrays.multiblock_from({"ball": ball}), iterations=30).update(time=1.0).output
+    assert depth(arrays.points_of(output), ball).max() < 0.05
+    volumes = [
+        signed_volume(points, arrays.triangles_of(output, "")) for points in (arrays.points_of(output), rest)
+    ]
     assert volumes[0] == pytest.approx(volumes[1], rel=1e-9)
-    assert np.linalg.norm(points_of(output) - rest, axis=1).max() > 2.0
+    assert np.linalg.norm(arrays.points_of(output) - rest, axis=1).max() > 2.0
 
 
 def test_points_stay_as_deep_as_they_are_at_rest(spindle):
-    rest = points_of(spindle.muscles["spindle"])
+    rest = arrays.points_of(spindle.muscles["spindle"])
     ball = pressing()
-    add_arrays(ball, points={"Displacement": np.zeros((ball.GetNumberOfPoints(), 3))})
-    output = chain(spindle, multiblock_from({"ball": ball})).update(time=1.0).output
-    np.testing.assert_allclose(points_of(output), rest, atol=1e-6)
+    arrays.add_arrays(ball, points={"Displacement": np.zeros((ball.GetNumberOfPoints(), 3))})
+    output = chain(spindle, arrays.multiblock_from({"ball": ball})).update(time=1.0).output
+    np.testing.assert_allclose(arrays.points_of(output), rest, atol=1e-6)
 
 
 def test_a_neighbour_that_is_far_away_changes_nothing(spindle):
-    alone = points_of(chain(spindle).update(time=1.0).output)
-    beside = chain(spindle, multiblock_from({"ball": pressing(500.0)})).update(time=1.0).output
-    np.testing.assert_array_equal(points_of(beside), alone)
+    alone = arrays.points_of(chain(spindle).update(time=1.0).output)
+    beside = chain(spindle, arrays.multiblock_from({"ball": pressing(500.0)})).update(time=1.0).output
+    np.testing.assert_array_equal(arrays.points_of(beside), alone)
 
 
 def test_another_neighbour_counts_by_its_own_depth_at_rest(spindle):
-    still, moved = pressing(), multiblock_from({"ball": pressing()})
-    add_arrays(still, points={"Displacement": np.zeros((still.GetNumberOfPoints(), 3))})
-    deformer = chain(spindle, multiblock_from({"ball": still}))
+    still, moved = pressing(), arrays.multiblock_from({"ball": pressing()})
+    arrays.add_arrays(still, points={"Displacement": np.zeros((still.GetNumberOfPoints(), 3))})
+    deformer = chain(spindle, arrays.multiblock_from({"ball": still}))
     deformer.update(time=1.0)
     deformer.neighbours = moved
-    fresh = points_of(chain(spindle, moved).update(time=1.0).output)
-    np.testing.assert_array_equal(points_of(deformer.update(time=1.0).output), fresh)
+    fresh = arrays.points_of(chain(spindle, moved).update(time=1.0).output)
+    np.testing.assert_array_equal(arrays.points_of(deformer.update(time=1.0).output), fresh)
 
 
 #: The second muscle is beside the bones that it is said to be on.
@@ -91,7 +86,7 @@ def two_spindles(contact, *, apart=33.0):
     back = replace(phantom.muscles["spindle"], fibres=None)
     shift = np.array([0.0, -apart, 0.0])
     front = Muscle(
-        with_points(back.surface, points_of(back.surface) + shift),
+        arrays.with_points(back.surface, arrays.points_of(back.surface) + shift),
         tuple(replace(area, landmarks=area.landmarks + shift) for area in back.attachments),
     )
     motion = RigidMotion(

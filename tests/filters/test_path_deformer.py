@@ -7,17 +7,7 @@ import pytest
 from filter_case import check_carried, check_shape_report
 
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.data.arrays import (
-    add_arrays,
-    blocks_of,
-    cell_array,
-    field_array,
-    names_of,
-    point_array,
-    points_of,
-    polylines_of,
-    shallow_copy,
-)
+from vtkmuscle.data import arrays
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PathDeformer, TautPaths
 from vtkmuscle.filters.deformer import read_shape
 from vtkmuscle.filters.path_deformer import ROUNDS
@@ -48,11 +38,11 @@ def chain(fixed, fibres=None, *, bones=SPINDLE.bones, motion=SPINDLE.motion, pat
 
 
 def frame(deformer, time=LAST):
-    return points_of(deformer.update(time=time).output)
+    return arrays.points_of(deformer.update(time=time).output)
 
 
 def fibres_of(deformer, time=LAST):
-    return shallow_copy(deformer.update(time=time, port=1).output)
+    return arrays.shallow_copy(deformer.update(time=time, port=1).output)
 
 
 # -------------------------------------------------------------------- the muscle
@@ -65,19 +55,19 @@ def test_fixed_points_follow_their_bone_and_the_volume_is_kept(parts, quality, p
     deformer = chain(fixed, fibres, quality=quality, paths=paths, measure_shape=True)
     for time in (0.0, 0.5 * LAST, LAST):
         moved = SPINDLE.motion.at(time)
-        transforms = [moved.get(name, np.eye(4)) for name, _ in blocks_of(SPINDLE.bones)]
+        transforms = [moved.get(name, np.eye(4)) for name, _ in arrays.blocks_of(SPINDLE.bones)]
         check_carried(deformer.update(time=time).output, fixed, transforms)
 
 
 def test_without_paths_the_blended_motion_of_the_bones_carries_the_muscle(parts):
     """And with them the paths do: the surface is another."""
     fixed, fibres = parts
-    rest, marks = points_of(fixed), point_array(fixed, "FixedTo", "")
+    rest, marks = arrays.points_of(fixed), arrays.point_array(fixed, "FixedTo", "")
     with_bones, with_paths = (frame(chain(fixed, fibres, paths=paths)) for paths in (False, True))
     assert np.abs(with_bones - with_paths).max() > 0.5
     turned = {
         bone: apply_transform(SPINDLE.motion.at(LAST).get(name, np.eye(4)), rest)
-        for bone, (name, _) in enumerate(blocks_of(SPINDLE.bones))
+        for bone, (name, _) in enumerate(arrays.blocks_of(SPINDLE.bones))
     }
     # Half way from one bone to the other the muscle is half way between where both would take it.
     middle = np.abs(rest[:, 2] - np.mean([rest[marks == bone, 2].mean() for bone in turned])) < 2.0
@@ -90,31 +80,33 @@ def test_displacement_and_report_are_those_of_the_frame(parts):
     deformer = chain(*parts)
     out = deformer.update(time=LAST).output
     np.testing.assert_allclose(
-        point_array(out, "Displacement", ""), points_of(out) - points_of(parts[0]), atol=1e-9
+        arrays.point_array(out, "Displacement", ""),
+        arrays.points_of(out) - arrays.points_of(parts[0]),
+        atol=1e-9,
     )
-    assert field_array(out, "VolumeRatio") is None, "nobody asked for the report"
-    assert field_array(out, "PenetrationMax") is None
-    before = points_of(out)
+    assert arrays.field_array(out, "VolumeRatio") is None, "nobody asked for the report"
+    assert arrays.field_array(out, "PenetrationMax") is None
+    before = arrays.points_of(out)
     deformer.measure_shape = deformer.measure_penetration = True
     out = deformer.update(time=LAST).output
-    assert np.array_equal(points_of(out), before)
+    assert np.array_equal(arrays.points_of(out), before)
     assert json.dumps(read_shape(out, 1.0))
     check_shape_report(out)
-    assert field_array(out, "PenetrationMax")[0] < 0.05
+    assert arrays.field_array(out, "PenetrationMax")[0] < 0.05
 
 
 def test_the_clearance_keeps_free_points_off_the_bones():
     """The strap lies on the cylinder at rest and may stay as near there; elsewhere it keeps off."""
     phantom = wrapping_cylinder()
     fixed, fibres = fixed_and_fibres(phantom, "strap")
-    free = point_array(fixed, "FixedTo", "") < 0
+    free = arrays.point_array(fixed, "FixedTo", "") < 0
     time = float(phantom.motion.times[-1])
     posed = {"bones": phantom.bones, "motion": phantom.motion}
     radii = [
         np.linalg.norm(frame(chain(fixed, fibres, **posed, bone_clearance=gap), time)[free, 1:], axis=1)
         for gap in (0.0, 8.0)
     ]
-    at_rest = np.linalg.norm(points_of(fixed)[free, 1:], axis=1)
+    at_rest = np.linalg.norm(arrays.points_of(fixed)[free, 1:], axis=1)
     assert (radii[1] > np.minimum(at_rest, 33.0) - 0.3).all()
     assert not (radii[0] > np.minimum(at_rest, 33.0) - 0.3).all()
 
@@ -123,25 +115,25 @@ def test_the_clearance_keeps_free_points_off_the_bones():
 
 
 def test_at_rest_fibres_are_the_own_fibres_with_their_arrays(parts):
-    fixed, fibres = parts[0], shallow_copy(parts[1])
-    add_arrays(fibres, cells={"Own": np.arange(float(fibres.GetNumberOfCells()))})
+    fixed, fibres = parts[0], arrays.shallow_copy(parts[1])
+    arrays.add_arrays(fibres, cells={"Own": np.arange(float(fibres.GetNumberOfCells()))})
     out = fibres_of(chain(fixed, fibres), 0.0)
-    lines = polylines_of(fibres, "")
-    np.testing.assert_allclose(points_of(out), lines.points, rtol=0.0, atol=1e-6)
-    assert np.array_equal(cell_array(out, "Own", ""), cell_array(fibres, "Own", ""))
-    np.testing.assert_allclose(cell_array(out, "RestLength", ""), lines.lengths, rtol=1e-9)
-    assert "PointsOutside" in names_of("", out.GetFieldData())
+    lines = arrays.polylines_of(fibres, "")
+    np.testing.assert_allclose(arrays.points_of(out), lines.points, rtol=0.0, atol=1e-6)
+    assert np.array_equal(arrays.cell_array(out, "Own", ""), arrays.cell_array(fibres, "Own", ""))
+    np.testing.assert_allclose(arrays.cell_array(out, "RestLength", ""), lines.lengths, rtol=1e-9)
+    assert "PointsOutside" in arrays.names_of("", out.GetFieldData())
 
 
 def test_fibres_go_with_their_paths_and_stay_in_the_muscle(parts):
     deformer = chain(*parts)
-    fibres = polylines_of(fibres_of(deformer), "")
-    paths = polylines_of(deformer.paths.update(time=LAST).output, "")
+    fibres = arrays.polylines_of(fibres_of(deformer), "")
+    paths = arrays.polylines_of(deformer.paths.update(time=LAST).output, "")
     for i in range(len(fibres)):
         for end in (0, -1):
             np.testing.assert_allclose(fibres.line(i)[end], paths.line(i)[end], rtol=0.0, atol=0.5)
         assert np.linalg.norm(fibres.line(i)[:, None] - paths.line(i)[None], axis=2).min(axis=1).max() < 4.0
-    moved = points_of(fibres_of(deformer, LAST)) - points_of(fibres_of(deformer, 0.0))
+    moved = arrays.points_of(fibres_of(deformer, LAST)) - arrays.points_of(fibres_of(deformer, 0.0))
     assert np.linalg.norm(moved, axis=1).max() > 10.0
 
 
@@ -151,7 +143,7 @@ def test_fibres_that_are_not_the_paths_own_are_refused_where_asked_for(parts):
     deformer.fibres = decompose(fixed, SPINDLE.attachments["spindle"], n_fibres=5)
     with pytest.raises(ValueError, match=r"PathDeformer: fibres: there are 5 for 8 paths"):
         deformer.update(time=LAST, port=1)
-    assert frame(deformer).shape == points_of(fixed).shape, "the muscle does not need them"
+    assert frame(deformer).shape == arrays.points_of(fixed).shape, "the muscle does not need them"
 
 
 def test_without_fibres_the_second_output_is_empty(parts):

@@ -6,15 +6,7 @@ from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, inverse
 from vtkmuscle.core.pbd.solver import PBDSolver
-from vtkmuscle.data.arrays import (
-    add_arrays,
-    field_array,
-    multiblock_from,
-    point_array,
-    points_of,
-    surface_from,
-    triangles_of,
-)
+from vtkmuscle.data import arrays
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.phantoms.meshing import box
@@ -28,9 +20,9 @@ def spindle(radius=12.0, around=12, along=14):
     """Return a muscle along z, 100 mm long, fixed to bone 0 below and to bone 1 above."""
     size = {"theta_resolution": around, "phi_resolution": along}
     sphere = vtkSphereSource(radius=0.5, output_points_precision=1, **size).update().output
-    points = points_of(sphere) * [2 * radius, 2 * radius, 100.0]
-    surface = surface_from(points, triangles_of(sphere, "spindle"))
-    return add_arrays(surface, points={"FixedTo": fixed_to(points)})
+    points = arrays.points_of(sphere) * [2 * radius, 2 * radius, 100.0]
+    surface = arrays.surface_from(points, arrays.triangles_of(sphere, "spindle"))
+    return arrays.add_arrays(surface, points={"FixedTo": fixed_to(points)})
 
 
 def fixed_to(points):
@@ -39,7 +31,7 @@ def fixed_to(points):
 
 def bones():
     """Return two bars behind the muscle, touching nothing at rest."""
-    return multiblock_from({name: surface_from(*box(*bar, 40.0)) for name, bar in BARS.items()})
+    return arrays.multiblock_from({name: arrays.surface_from(*box(*bar, 40.0)) for name, bar in BARS.items()})
 
 
 def deformer_of(muscle=None, motion=MOTION, fibres=None, **parameters):
@@ -49,7 +41,7 @@ def deformer_of(muscle=None, motion=MOTION, fibres=None, **parameters):
 
 
 def frame(deformer, time):
-    return points_of(deformer.update(time).output)
+    return arrays.points_of(deformer.update(time).output)
 
 
 @pytest.fixture
@@ -82,10 +74,14 @@ def test_fixed_points_follow_their_bone_and_the_volume_is_kept(quality):
 
 def test_displacement_and_report_are_those_of_the_frame():
     out = deformer_of(collision="off").update(30.0).output
-    assert np.allclose(point_array(out, "Displacement", ""), points_of(out) - points_of(spindle()), atol=1e-9)
+    assert np.allclose(
+        arrays.point_array(out, "Displacement", ""),
+        arrays.points_of(out) - arrays.points_of(spindle()),
+        atol=1e-9,
+    )
     assert out.GetPointData().GetArray("Velocity") is None
     check_shape_report(out)
-    assert field_array(out, "CollidingPoints")[0] == 0
+    assert arrays.field_array(out, "CollidingPoints")[0] == 0
 
 
 def test_nothing_is_reported_that_nobody_asked_for():
@@ -98,7 +94,9 @@ def test_the_published_model_has_velocities():
     deformer = deformer_of(quality="published", iterations=3, dt=0.5, collision="off")
     before = frame(deformer, 20.0)
     out = deformer.update(30.0).output
-    assert np.allclose(point_array(out, "Velocity", ""), (points_of(out) - before) / 0.5, atol=1e-9)
+    assert np.allclose(
+        arrays.point_array(out, "Velocity", ""), (arrays.points_of(out) - before) / 0.5, atol=1e-9
+    )
 
 
 def test_edges_are_soft_along_the_fibres_given():
@@ -120,7 +118,7 @@ def test_points_are_kept_out_of_a_bone_that_is_not_fixed_to_anything(collision):
         deepest = []
         for time in range(13):
             out = deformer.update(float(time)).output
-            hits += int(field_array(out, "CollidingPoints")[0]) if kept_out == collision else 0
+            hits += int(arrays.field_array(out, "CollidingPoints")[0]) if kept_out == collision else 0
             deepest.append(-from_bones(out, swing, float(time), free)[1].min())
         depths.append(float(max(deepest)))
     assert hits > 0
@@ -133,8 +131,8 @@ def test_points_are_kept_out_of_a_bone_that_is_not_fixed_to_anything(collision):
 def swinging(**parameters):
     """Return a deformer whose muscle the upper bone swings through, how it swings, and the free points."""
     muscle = spindle()
-    marks = np.where(point_array(muscle, "FixedTo", "") == 0, 0, -1).astype(np.int32)
-    add_arrays(muscle, points={"FixedTo": marks})
+    marks = np.where(arrays.point_array(muscle, "FixedTo", "") == 0, 0, -1).astype(np.int32)
+    arrays.add_arrays(muscle, points={"FixedTo": marks})
     swing = hinge("upper", (0.0, 25.0, 50.0), (1, 0, 0), np.arange(0.0, -61.0, -5.0)[::-1])
     swing = RigidMotion(np.arange(13.0), {"upper": swing.transforms["upper"][::-1]})
     return deformer_of(muscle, swing, **parameters), swing, marks < 0
@@ -142,7 +140,7 @@ def swinging(**parameters):
 
 def from_bones(out, swing, time, free):
     """Return the distances of free points from the lower and the upper bone, negative in them."""
-    points = points_of(out)[free]
+    points = arrays.points_of(out)[free]
     back = apply_transform(inverse(swing.at(time)["upper"]), points)
     return distance_to_box(points, *BARS["lower"]), distance_to_box(back, *BARS["upper"])
 
@@ -161,10 +159,10 @@ def test_penetration_is_that_of_the_free_points_in_the_exact_bone(collision):
     out = deformer.update(12.0).output
     signed = -np.minimum(*from_bones(out, swing, 12.0, free))
     depths = np.maximum(0.0, signed)
-    assert field_array(out, "PenetrationMax")[0] == pytest.approx(depths.max(), abs=1e-5)
-    assert field_array(out, "PenetrationP95")[0] == pytest.approx(np.percentile(depths, 95), abs=1e-5)
+    assert arrays.field_array(out, "PenetrationMax")[0] == pytest.approx(depths.max(), abs=1e-5)
+    assert arrays.field_array(out, "PenetrationP95")[0] == pytest.approx(np.percentile(depths, 95), abs=1e-5)
     # Points are left on the surface, and rounding says on which side.
-    assert (signed > 1e-4).sum() <= field_array(out, "PenetratingPoints")[0] <= (signed > -1e-4).sum()
+    assert (signed > 1e-4).sum() <= arrays.field_array(out, "PenetratingPoints")[0] <= (signed > -1e-4).sum()
     assert (depths.max() > 1.0) == (collision == "off")
 
 
@@ -185,7 +183,7 @@ def test_bones_without_time_steps_are_one_step_from_rest(counted_poses):
     deformer = PBDDeformer(iterations=4)
     first = deformer(spindle(), bones(), moved)
     again = deformer(spindle(), bones(), moved)
-    assert np.array_equal(points_of(first), points_of(again))
+    assert np.array_equal(arrays.points_of(first), arrays.points_of(again))
     at = BoneMotion(motion=MOTION)
     at.connect(0, bones())
     deformer(spindle(), bones(), at.update(30.0).output)
@@ -194,10 +192,10 @@ def test_bones_without_time_steps_are_one_step_from_rest(counted_poses):
 
 def test_a_free_body_falls_in_the_published_model_if_there_is_a_force():
     muscle = spindle()
-    add_arrays(muscle, points={"FixedTo": np.full(muscle.GetNumberOfPoints(), -1)})
+    arrays.add_arrays(muscle, points={"FixedTo": np.full(muscle.GetNumberOfPoints(), -1)})
     force = {"external_force": (0, 0, -1.0), "velocity_kept": 1.0}
     deformer = deformer_of(muscle, quality="published", collision="off", **force)
-    assert np.allclose(frame(deformer, 10.0) - points_of(muscle), [0, 0, -6.0], atol=1e-9)
+    assert np.allclose(frame(deformer, 10.0) - arrays.points_of(muscle), [0, 0, -6.0], atol=1e-9)
 
 
 # ---------------------------------------------------------------- a start, two levels, bones at rest
@@ -228,15 +226,15 @@ def test_with_a_start_a_frame_depends_on_its_pose_alone(counted_poses):
 
 def test_two_levels_keep_what_one_keeps_and_come_near_it():
     muscle = spindle(around=40, along=34)  # of about 2500 triangles
-    rest, count = points_of(muscle), muscle.GetNumberOfPolys()
+    rest, count = arrays.points_of(muscle), muscle.GetNumberOfPolys()
     two, one = deformer_of(muscle, solved_triangles=600), deformer_of(muscle, solved_triangles=0)
     assert np.abs(frame(two, 0.0) - rest).max() < 1e-9
     for time in ANGLES[1:]:
         out = two.update(time).output
         check_carried(out, muscle, [np.eye(4), MOTION.at(time)["upper"]])
-        assert field_array(out, "EdgeStretchMax")[0] < 3.0
-        assert field_array(out, "DihedralErrorP95")[0] < 10.0
-    apart = np.linalg.norm(points_of(out) - frame(one, ANGLES[-1]), axis=1)
+        assert arrays.field_array(out, "EdgeStretchMax")[0] < 3.0
+        assert arrays.field_array(out, "DihedralErrorP95")[0] < 10.0
+    apart = np.linalg.norm(arrays.points_of(out) - frame(one, ANGLES[-1]), axis=1)
     assert 0.0 < apart.max() < 6.0
     assert two.output.GetNumberOfPolys() == count
     same = deformer_of(muscle, solved_triangles=count)

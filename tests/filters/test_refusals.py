@@ -10,15 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 import examples
 from vtkmuscle import filters
 from vtkmuscle.core.motion.rigid import hinge
-from vtkmuscle.data.arrays import (
-    add_arrays,
-    blocks_of,
-    multiblock_from,
-    point_array,
-    points_of,
-    surface_from,
-    triangles_of,
-)
+from vtkmuscle.data import arrays
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of
 from vtkmuscle.data.label_images import label_image
 
@@ -29,22 +21,22 @@ GRID = pv.ImageData(dimensions=(3, 3, 7), spacing=(10, 10, 20), origin=(-10, -42
 def opened():
     """Return the fixed muscle without a triangle."""
     muscle = examples.fixed_muscle()
-    surface = surface_from(points_of(muscle), triangles_of(muscle, "")[1:])
-    return add_arrays(surface, points={"FixedTo": point_array(muscle, "FixedTo", "")})
+    surface = arrays.surface_from(arrays.points_of(muscle), arrays.triangles_of(muscle, "")[1:])
+    return arrays.add_arrays(surface, points={"FixedTo": arrays.point_array(muscle, "FixedTo", "")})
 
 
 def in_another_order():
     muscle = examples.fixed_muscle()
-    return surface_from(points_of(muscle), np.roll(triangles_of(muscle, ""), 1, axis=0))
+    return arrays.surface_from(arrays.points_of(muscle), np.roll(arrays.triangles_of(muscle, ""), 1, axis=0))
 
 
 def fixed_to(*values):
     marks = np.resize(np.array(values), (N, *np.shape(values)[1:]))
-    return lambda: add_arrays(examples.muscle(), points={"FixedTo": marks})
+    return lambda: arrays.add_arrays(examples.muscle(), points={"FixedTo": marks})
 
 
 def with_transform(transform):
-    return lambda: add_arrays(examples.fitted_template(), fields={"Transform": transform.ravel()})
+    return lambda: arrays.add_arrays(examples.fitted_template(), fields={"Transform": transform.ravel()})
 
 
 def without_areas():
@@ -61,7 +53,7 @@ def bones(**fields):
         for name, value in fields.items():
             data.GetBlock(1).GetFieldData().RemoveArray(name)
             if value is not None:
-                add_arrays(data.GetBlock(1), fields={name: value})
+                arrays.add_arrays(data.GetBlock(1), fields={name: value})
         return data
 
     return changed
@@ -97,7 +89,7 @@ REFUSED = [
     ("AttachmentEstimator", {"origin": "distal", "insertion": "distal"}, "both 'distal'"),
     (
         "AttachmentEstimator",
-        {"bones": lambda: multiblock_from(dict(blocks_of(examples.rest_bones())[:1]))},
+        {"bones": lambda: arrays.multiblock_from(dict(arrays.blocks_of(examples.rest_bones())[:1]))},
         "is near fewer than two bones; .* 'proximal' .*; .* or give landmarks",
     ),
     ("BoneMotion", {"bones": examples.moving_bones}, "bones, block 'distal': the bone has moved"),
@@ -113,7 +105,11 @@ REFUSED = [
     *(
         (
             "FibreMetrics",
-            {"fibres": lambda bad=bad: add_arrays(examples.fibres(), cells={"RestLength": np.full(6, bad)})},
+            {
+                "fibres": lambda bad=bad: arrays.add_arrays(
+                    examples.fibres(), cells={"RestLength": np.full(6, bad)}
+                )
+            },
             "the rest length of fibre 0 is",
         )
         for bad in (-1.0, np.nan, np.inf)
@@ -124,14 +120,10 @@ REFUSED = [
     ("FibreSource", {"course": "sections"}, "course='sections' leads fibres between attachment areas"),
     ("FibreSource", {"attachments": None, "aponeuroses": None}, "connect attachments or aponeuroses"),
     ("FibreTransport", {"rest_muscle": opened}, "rest_muscle: the surface has 3 open edge"),
-    (
-        "FibreTransport",
-        {"deformed_muscle": examples.ball_beside},
-        rf"deformed_muscle has \d+ points, but rest_muscle has {N}",
-    ),
     *(
-        (kind, {"deformed_muscle": in_another_order}, "deformed_muscle has other triangles or another order")
+        (kind, {"deformed_muscle": other}, rf"has other triangles than rest_muscle, of {N}")
         for kind in ("FibreTransport", "StiffTendons")
+        for other in (examples.ball_beside, in_another_order)
     ),
     ("FibreTrimmer", {"attachments": SAME}, "no direction"),
     (
@@ -155,7 +147,7 @@ REFUSED = [
     ("PathDeformer", {"paths": examples.fibres}, "paths: the point array 'RestPosition' is missing"),
     (
         "PathDeformer",
-        {"neighbours": lambda: multiblock_from({"ball": examples.ball_beside()})},
+        {"neighbours": lambda: arrays.multiblock_from({"ball": examples.ball_beside()})},
         "neighbours, block 'ball'.*Displacement",
     ),
     ("PBDDeformer", {"muscle": examples.muscle}, "'FixedTo' is missing"),

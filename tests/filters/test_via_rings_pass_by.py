@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 from shapes import lines_of
 
+from vtkmuscle import filters
 from vtkmuscle.data.arrays import cell_array, point_array, points_of
-from vtkmuscle.filters import (
-    AttachmentArea,
-    FibreMetrics,
-    FixedPointDetector,
-    attachments_from,
-    attachments_of,
-)
 from vtkmuscle.pipelines import decompose
 
 turn = 2.0 * np.pi * np.arange(8) / 8
@@ -23,14 +17,14 @@ RINGS = {
 
 
 def with_ring(attachments, ring):
-    areas = attachments_of(attachments, "test")
-    return attachments_from([AttachmentArea("via", "proximal", ring, closed=True), *areas])
+    areas = filters.attachments_of(attachments, "test")
+    return filters.attachments_from([filters.AttachmentArea("via", "proximal", ring, closed=True), *areas])
 
 
 @pytest.mark.parametrize("ring", RINGS.values(), ids=RINGS)
 def test_a_via_ring_fixes_no_point(spindle, ring):
     muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
-    fixed = [FixedPointDetector()(muscle, spindle.bones, a) for a in (areas, with_ring(areas, ring))]
+    fixed = [filters.FixedPointDetector()(muscle, spindle.bones, a) for a in (areas, with_ring(areas, ring))]
     without, beside = (point_array(muscle, "FixedTo", "test") for muscle in fixed)
     assert (without >= 0).any()
     np.testing.assert_array_equal(beside, without)
@@ -51,9 +45,11 @@ def test_pennation_is_that_without_the_ring(spindle):
     # A fibre that ends where the ring is: an area there would be met at a right angle.
     muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
     fibre = lines_of([np.array([(0.0, -32.0, 80.0), (0.0, -32.0, 40.0), (0.0, -32.0, 10.0)])])
-    inner = attachments_from([AttachmentArea("insertion", "proximal", RINGS["within"], closed=True)])
+    inner = filters.attachments_from(
+        [filters.AttachmentArea("insertion", "proximal", RINGS["within"], closed=True)]
+    )
     without, beside, as_area = (
-        cell_array(FibreMetrics()(fibre, muscle, a), "PennationInsertion", "test")[0]
+        cell_array(filters.FibreMetrics()(fibre, muscle, a), "PennationInsertion", "test")[0]
         for a in (areas, with_ring(areas, RINGS["within"]), inner)
     )
     assert as_area == pytest.approx(90.0)
@@ -62,7 +58,7 @@ def test_pennation_is_that_without_the_ring(spindle):
 
 
 def test_a_via_ring_is_no_end(spindle):
-    ring = AttachmentArea("via", "proximal", RINGS["round"], closed=True)
-    origin, _ = attachments_of(spindle.attachments["spindle"], "test")
+    ring = filters.AttachmentArea("via", "proximal", RINGS["round"], closed=True)
+    origin, _ = filters.attachments_of(spindle.attachments["spindle"], "test")
     with pytest.raises(ValueError, match="no area with the role 'insertion'"):
-        decompose(spindle.muscles["spindle"], attachments_from([origin, ring])).update()
+        decompose(spindle.muscles["spindle"], filters.attachments_from([origin, ring])).update()

@@ -10,7 +10,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import get_numpy_array_type, get_vtk_array_type, vtk_to_numpy
-from vtkmodules.vtkCommonCore import VTK_ID_TYPE, vtkDataArray, vtkIdList, vtkPoints, vtkStringArray
+from vtkmodules.vtkCommonCore import VTK_ID_TYPE, vtkDataArray, vtkPoints, vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 
@@ -80,10 +80,7 @@ def joined_triangles(surface: vtkPolyData) -> tuple[vtkPolyData, list[str]]:
     if surface.GetNumberOfCells() == len(triangles):
         copied.append(("Cell", faces))
     for kind, ids in copied:
-        source, target = (getattr(data, f"Get{kind}Data")() for data in (surface, result))
-        target.CopyAllocate(source, len(ids))
-        for new, old in enumerate(ids.tolist()):
-            target.CopyData(source, old, new)
+        _copy_tuples(ids, *(getattr(data, f"Get{kind}Data")() for data in (surface, result)))
     result.GetFieldData().ShallowCopy(surface.GetFieldData())
     return result, [*changes, f"{len(points)} points were joined to {len(kept)} by equal coordinates"]
 
@@ -103,11 +100,16 @@ def state_of(data: vtkDataObject) -> object:
     return data.GetMTime(), [None if block is None else state_of(block) for block in blocks]
 
 
-def output_of(algorithm: Any, **settings: Any) -> Any:
-    """Return the output of a VTK algorithm with settings; ParaView's VTK 9.2 has no keywords."""
+def with_settings(algorithm: Any, **settings: Any) -> Any:
+    """Return a VTK algorithm with settings; ParaView's VTK 9.2 has no keywords."""
     for name, value in settings.items():
         getattr(algorithm, f"Set{name}")(value)
-    algorithm.Update()
+    return algorithm
+
+
+def output_of(algorithm: Any, **settings: Any) -> Any:
+    """Return the output of a VTK algorithm with settings."""
+    with_settings(algorithm, **settings).Update()
     return algorithm.GetOutput()
 
 
@@ -168,10 +170,7 @@ class Polylines:
         return self.points[self.offsets[i] : self.offsets[i + 1]]
 
     def moved(self, points: Floats, offsets: Ints | None = None) -> vtkPolyData:
-        """Return lines with new points and the source's arrays.
-
-        With offsets the points are others than the source's: point arrays stay behind.
-        """
+        """Return lines with new points and the source's arrays; with new offsets, without point arrays."""
         data: Any = self.data
         result = polylines_from(Polylines(points, self.offsets if offsets is None else offsets))
         result.GetCellData().ShallowCopy(data.GetCellData())
@@ -194,13 +193,8 @@ def polylines_of(data: vtkPolyData, where: str) -> Polylines:
         raise InputError(where, "some points are not finite", "correct the points")
     offsets = np.array(vtk_to_numpy(lines.GetOffsetsArray()), dtype=np.int64)
     if not np.array_equal(order, np.arange(data.GetNumberOfPoints())):
-        source, ids = data.GetPointData(), vtkIdList()
-        data = Polylines(points, offsets, data).moved(points, offsets)
-        data.GetPointData().CopyAllOn()
-        data.GetPointData().CopyAllocate(source, len(points))
-        for number, first in enumerate(offsets[:-1].tolist()):
-            lines.GetCellAtId(number, ids)
-            data.GetPointData().CopyData(source, ids, first)
+        source, data = data.GetPointData(), Polylines(points, offsets, data).moved(points, offsets)
+        _copy_tuples(order, source, data.GetPointData())
     return Polylines(points, offsets, data)
 
 
@@ -309,6 +303,13 @@ def vtk_array(values: NDArray[Any], name: str | None = None, kind: int | None = 
         # Not vtk_to_numpy, which takes ten times as long.
         np.frombuffer(array, get_numpy_array_type(kind))[...] = values.reshape(-1)
     return array
+
+
+def _copy_tuples(ids: Ints, source: Any, target: Any) -> None:
+    target.CopyAllOn()
+    target.CopyAllocate(source, len(ids))
+    for new, old in enumerate(ids.tolist()):
+        target.CopyData(source, old, new)
 
 
 def _existing(owner: Any, kind: str, name: str, where: str) -> NDArray[Any]:

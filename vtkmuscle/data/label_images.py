@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.sparse import coo_array
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -20,14 +20,7 @@ from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.mesh.surface import edge_uses, point_components, survey, unique_edges
 from vtkmuscle.core.motion.rigid import apply_transform, frame_at
 from vtkmuscle.core.types import Bools, Floats, Ints
-from vtkmuscle.data.arrays import (
-    add_arrays,
-    checked_surface,
-    field_array,
-    field_strings,
-    output_of,
-    surface_from,
-)
+from vtkmuscle.data import arrays
 
 #: Margin around a label [voxels], enough for the Gaussian and a Newton step.
 MARGIN = 4
@@ -133,12 +126,13 @@ MOST = np.iinfo(np.uint16).max
 def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, str]) -> vtkImageData:
     """Return an image of named labels (nk, nj, ni), with the frame of :class:`Label`."""
     spacing = np.linalg.norm(frame[:3, :3], axis=0)
-    image = _grid(voxels.shape[::-1], frame[:3, 3], spacing)
+    placed = {"Dimensions": voxels.shape[::-1], "Origin": frame[:3, 3].tolist(), "Spacing": spacing.tolist()}
+    image: vtkImageData = arrays.with_settings(vtkImageData(), **placed)
     image.SetDirectionMatrix(*(frame[:3, :3] / spacing).ravel())
-    add_arrays(image, points={"Label": voxels.ravel()})
+    arrays.add_arrays(image, points={"Label": voxels.ravel()})
     image.GetPointData().SetActiveScalars("Label")
     fields = {VALUES: np.array(list(names), dtype=np.int64), NAMES: list(names.values())}
-    return add_arrays(image, fields=fields)
+    return arrays.add_arrays(image, fields=fields)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +165,7 @@ def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
         raise InputError(where, problem, "give a map of labels")
     voxels.setflags(write=False)
     voxels = voxels.reshape(image.GetDimensions()[::-1])
-    values, texts = field_array(image, VALUES), field_strings(image, NAMES)
+    values, texts = arrays.field_array(image, VALUES), arrays.field_strings(image, NAMES)
     names = {} if values is None else dict(zip(values.astype(int).tolist(), texts, strict=False))
     frame = np.array(image.GetIndexToPhysicalMatrix().GetData()).reshape(4, 4)
     frame[:3, 3] += frame[:3, :3] @ image.GetExtent()[::2]
@@ -201,24 +195,17 @@ LEAST = 100
 LONGEST = 3000.0
 
 
-def _grid(shape: Sequence[int], origin: ArrayLike, spacing: ArrayLike) -> vtkImageData:
-    image = vtkImageData()
-    image.SetDimensions(*shape)
-    image.SetOrigin(*np.asarray(origin))
-    image.SetSpacing(*np.asarray(spacing))
-    return image
-
-
 def isosurface(values: Floats, origin: Floats, spacing: float) -> tuple[Floats, Ints]:
     """Return the outward zero surface of grid values."""
-    image = _grid(values.shape, origin, (spacing, spacing, spacing))
+    placed = {"Dimensions": values.shape, "Origin": origin.tolist(), "Spacing": (spacing, spacing, spacing)}
+    image = arrays.with_settings(vtkImageData(), **placed)
     # VTK's isosurface faces falling values: the changed sign makes the surface face outward.
-    add_arrays(image, points={"inside": -values.ravel(order="F")})
+    arrays.add_arrays(image, points={"inside": -values.ravel(order="F")})
     image.GetPointData().SetActiveScalars("inside")
     contour = vtkFlyingEdges3D()
     contour.SetValue(0, 0.0)
-    surface = output_of(contour, InputData=image, ComputeNormals=False, ComputeScalars=False)
-    return checked_surface(surface, "isosurface")
+    surface = arrays.output_of(contour, InputData=image, ComputeNormals=False, ComputeScalars=False)
+    return arrays.checked_surface(surface, "isosurface")
 
 
 def evened(
@@ -251,8 +238,9 @@ def decimated(
 ) -> tuple[Floats, Ints]:
     """Return a surface of about `n_triangles` (Garland, Heckbert 1997, doi:10.1145/258734.258849)."""
     settings = {"Regularize": regular, "TargetReduction": 1.0 - n_triangles / len(triangles)}
-    decimated = output_of(vtkQuadricDecimation(), InputData=surface_from(points, triangles), **settings)
-    return checked_surface(decimated, "the decimated surface")
+    surface = arrays.surface_from(points, triangles)
+    surface = arrays.output_of(vtkQuadricDecimation(), InputData=surface, **settings)
+    return arrays.checked_surface(surface, "the decimated surface")
 
 
 def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:

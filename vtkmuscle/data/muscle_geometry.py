@@ -82,10 +82,7 @@ class MuscleGeometry:
         return self.once("on", (patch,), lambda: PatchSamples(self.points, self.triangles, patch))
 
     def once(self, what: str, given: Sequence[Any], compute: Callable[[], T]) -> T:
-        """Return a result of the surface and of what is given, computed once. Arrays count by content.
-
-        The results used last are kept.
-        """
+        """Return a result, computed once for what is given by content. Those used last are kept."""
         key = what, *(part.tobytes() if isinstance(part, np.ndarray) else part for part in given)
         self._known[key] = kept = self._known.pop(key, None) or (compute(),)
         for oldest in list(self._known)[:-RESULTS]:
@@ -193,11 +190,9 @@ def inner_areas(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> tu
 
 
 def aponeurosis_surfaces(
-    aponeuroses: Sequence[Aponeurosis],
-    geometry: MuscleGeometry,
-    where: str,
+    aponeuroses: Sequence[Aponeurosis], geometry: MuscleGeometry, where: str,
     areas: Sequence[AttachmentArea] = (),
-) -> tuple[EndSurface, EndSurface]:
+) -> tuple[EndSurface, EndSurface]:  # fmt: skip
     """Return the proximal and the distal aponeurosis of a muscle."""
     proximal, distal = (_aponeurosis(aponeuroses, side, geometry, where) for side in SIDES)
     overlap = max(_share_in(proximal, distal, geometry), _share_in(distal, proximal, geometry))

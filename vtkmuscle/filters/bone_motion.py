@@ -71,8 +71,7 @@ class BoneMotion(Filter):
     Raises
     ------
     ValueError
-        If a bone has moved, by its field array ``Transform``; if the motion names a bone that is not among
-        the blocks.
+        If a bone has moved, by its ``Transform``; if the motion names a bone that is not among the blocks.
 
     Limitations
     -----------

@@ -19,8 +19,7 @@ from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, por
 #: Distance from the surface, as a part of the greatest coordinate, that still counts as inside: meshes are
 #: often written in single precision, which rounds by half of the distance.
 ON_SURFACE = float(np.finfo(np.float32).eps)
-#: Distance from a fibre, in fibre spacings, that counts as inside if no muscle is connected: twice that of a
-#: missing fibre.
+#: Distance from a fibre inside of an unknown muscle, in fibre spacings: twice that of a missing fibre.
 SPACINGS = 2.0
 
 

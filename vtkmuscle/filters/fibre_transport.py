@@ -40,14 +40,12 @@ class FibreTransport(Filter):
     output
         The moved polylines, with the arrays of the rest fibres and the cell array ``RestLength`` (n_fibres,)
         [mm], and the field arrays ``PointsOutside``, the number of rest fibre points outside of the muscle,
-        and ``WeightError`` [mm], the largest error of a fibre point if the muscle is bent by about one
-        radian.
+        and ``WeightError`` [mm], the largest error of a fibre point if the muscle is bent by a radian.
 
     Raises
     ------
     ValueError
-        If the rest muscle is not closed; if the muscles have different numbers of points, or
-        other triangles.
+        If the rest muscle is not closed; if the muscles have different numbers of points or triangles.
 
     References
     ----------
@@ -185,12 +183,9 @@ class StiffTendons(Filter):
 
 def _check_same(rest: Surface, deformed: Surface) -> None:
     """Raise an InputError for different numbers of points, or other triangles."""
-    problem = ""
-    if len(deformed.points) != len(rest.points):
-        problem = f"deformed_muscle has {len(deformed.points)} points, but rest_muscle has {len(rest.points)}"
-    elif not np.array_equal(deformed.triangles, rest.triangles):
-        problem = "deformed_muscle has other triangles or another order of points than rest_muscle"
-    if problem:
+    own, other = len(deformed.points), len(rest.points)
+    if own != other or not np.array_equal(deformed.triangles, rest.triangles):
+        problem = f"deformed_muscle, of {own} points, has other triangles than rest_muscle, of {other}"
         raise InputError("", problem, "connect the same mesh, before and after the deformation")
 
 

@@ -50,8 +50,7 @@ class LabelSurfaces(Filter):
     Raises
     ------
     ValueError
-        If the image has no array of whole numbers, or no label; if ``labels`` names a label that is not in
-        the image.
+        If the image has no array of whole numbers, or no label; if ``labels`` names no label of the image.
 
     References
     ----------

@@ -16,8 +16,7 @@ class LinearBlendFibres(Filter):
 
     A point moves to v' = w T_origin v + (1 - w) T_insertion v, with w = a t^2 - (a + 1) t + 1 and t from 0 at
     the fibre's origin to 1 at the insertion; ``a`` bends the course a little towards one bone. The paper has
-    a = -0.042 for psoas and gluteus maximus, -0.024 for the iliacus and 0 for the gluteus medius, chosen by
-    trial.
+    a = -0.042 for psoas and gluteus maximus, -0.024 for the iliacus and 0 for the gluteus medius, by trial.
 
     Parameters
     ----------

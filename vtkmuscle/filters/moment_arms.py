@@ -39,8 +39,7 @@ class MomentArms(Filter):
     motion
         Motion with coordinates; None takes the pipeline's time as the coordinate.
     coordinate
-        Name of a coordinate of the motion, ``"time"`` without a motion; None takes all coordinates that
-        change.
+        Name of a coordinate of the motion (``"time"`` without a motion); None takes all that change.
     unit
         Unit of the pipeline's time as a coordinate.
 
@@ -90,7 +89,6 @@ class MomentArms(Filter):
     output = OutputPort(vtkPolyData)
 
     _steps: tuple[float, ...] = ()
-    _measured: tuple[list[int], Floats] | None = None
 
     def RequestUpdateExtent(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Note the time steps; :meth:`execute` requests fibres at further times."""
@@ -110,7 +108,8 @@ class MomentArms(Filter):
             motion = RigidMotion(steps, {}, None, {"time": Coordinate(steps, self.unit)})
         elif not of_paths:
             motion = _resampled(motion, steps)
-        lengths = None if of_paths else self._lengths_over_time()
+        state = state_of_inputs(self, (0,)), self._steps
+        lengths = None if of_paths else self.once("lengths", state, self._lengths_over_time)
         now = float(motion.times[-1]) if self.request_time is None else self.request_time
         again = input_at(self, 0, now) if self._steps else None
         lines = fibres if again is None else polylines_of(again, "fibres")
@@ -133,21 +132,19 @@ class MomentArms(Filter):
             add_arrays(result, cells={f"MomentArm{suffix}": arms[name]}, fields=fields)
         return result
 
-    def _lengths_over_time(self) -> Floats:
+    def _lengths_over_time(self, _state: list[int], steps: tuple[float, ...]) -> Floats:
         """Return the lengths (f, k) of the fibres at all time steps."""
-        if self._measured is None or self._measured[0] != state_of_inputs(self, (0,)):
-            rows: list[Floats] = []
-            for number, time in enumerate(self._steps):
-                self.report_progress(number / len(self._steps))
-                data = input_at(self, 0, time)
-                if data is None:
-                    raise RuntimeError(f"MomentArms: the fibres at time {time:g} could not be computed")
-                rows.append(polylines_of(data, f"fibres at time {time:g}").lengths)
-                if len(rows[-1]) != len(rows[0]):
-                    problem = f"at time {time:g} there are {len(rows[-1])}, at first {len(rows[0])}"
-                    raise InputError("fibres", problem, "connect the same fibres at all times")
-            self._measured = state_of_inputs(self, (0,)), np.array(rows)
-        return self._measured[1]
+        rows: list[Floats] = []
+        for number, time in enumerate(steps):
+            self.report_progress(number / len(steps))
+            data = input_at(self, 0, time)
+            if data is None:
+                raise RuntimeError(f"MomentArms: the fibres at time {time:g} could not be computed")
+            rows.append(polylines_of(data, f"fibres at time {time:g}").lengths)
+            if len(rows[-1]) != len(rows[0]):
+                problem = f"at time {time:g} there are {len(rows[-1])}, at first {len(rows[0])}"
+                raise InputError("fibres", problem, "connect the same fibres at all times")
+        return np.array(rows)
 
 
 def _slopes(motion: RigidMotion, names: tuple[str, ...], lengths: Floats, now: float) -> dict[str, Floats]:

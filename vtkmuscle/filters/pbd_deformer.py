@@ -48,8 +48,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
     rest_bones
         Bones in the rest pose.
     bones
-        The same bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest
-        to now.
+        The same bones at the pipeline's time, each with the field array ``Transform`` (16): rest to now.
     fibres
         Polylines in the rest pose; edges along fibres are soft.
     start
@@ -86,8 +85,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
     -----------
     An iteration does not converge: shape and moment arms depend on the numbers of iterations and triangles,
     by up to 20 mm. Edges resist shortening: a muscle whose ends come near each other bows aside, and may bow
-    round a bone. A bone does not sweep a muscle wholly between two frames of the bone's motion. A muscle may
-    intersect itself.
+    round a bone. A bone does not sweep a muscle wholly between two frames. A muscle may intersect itself.
 
     Examples
     --------

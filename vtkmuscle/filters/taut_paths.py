@@ -21,21 +21,11 @@ from vtkmuscle.core.paths.neighbours import path_lengths
 from vtkmuscle.core.paths.poses import KeptPoses
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths, PathState
 from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.data import paths as stored
 from vtkmuscle.data.arrays import Polylines, add_arrays, array_of, polylines_from
 from vtkmuscle.data.attachments import rings_by_bone
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
 from vtkmuscle.data.muscle_geometry import Surface
-from vtkmuscle.data.paths import (
-    BOW,
-    BOW_LEVER,
-    LENGTH,
-    LEVER,
-    PATH_STEPS,
-    REST_POSITION,
-    SAG,
-    SQUEEZED,
-    UNSETTLED,
-)
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 from vtkmuscle.filters.base.parameters import quality_of
 
@@ -86,8 +76,7 @@ class TautPaths(Filter):
         segments have moment arms 1 % smaller than 32 and 64, which agree; time grows with the resolution.
     n_paths
         Number of solved paths; all, if there are no more fibres. Fewer carry the paths of the other fibres by
-        fixed weights; the output has the paths of all fibres. Time grows faster than the number of solved
-        paths.
+        fixed weights; the output has the paths of all fibres. Time grows faster than this number.
     levers
         Compute the moment arm of each path for each coordinate.
     bows
@@ -122,8 +111,7 @@ class TautPaths(Filter):
     Limitations
     -----------
     Paths have no mass, no friction and no activation. Too few segments give wrong lengths and levers on
-    strongly wrapped muscles, where ``Sag`` is large. The side of a bone depends on the start where both sides
-    are possible.
+    strongly wrapped muscles, where ``Sag`` is large. The side of a bone may depend on the start.
 
     Examples
     --------
@@ -181,16 +169,16 @@ class TautPaths(Filter):
             result = rest_fibres.moved(points, offsets)
         rest = poses.rest
         settled = state.settled and rest.settled
-        measures = {LENGTH: state.lengths, "Ratio": state.lengths / rest.lengths}
-        measures |= {array_of(LEVER, name): values for name, values in levers.items()}
+        measures = {stored.LENGTH: state.lengths, "Ratio": state.lengths / rest.lengths}
+        measures |= {array_of(stored.LEVER, name): values for name, values in levers.items()}
         if self.bows:
             twists = np.array([bones.twists[name] for name in levers]).reshape(-1, len(bones.transforms), 6)
             measures |= _bows(state, held, levers, twists, end_bones)
-        of_solved = {"Contact": state.contacts, SQUEEZED: state.squeezed, SAG: state.sags}
+        of_solved = {"Contact": state.contacts, stored.SQUEEZED: state.squeezed, stored.SAG: state.sags}
         cells = {name: state.per_fibre(values) for name, values in of_solved.items()}
         cells |= {name: values if settled else np.full(count, np.nan) for name, values in measures.items()}
-        cells["RestLength"], rest_points = rest.lengths, {REST_POSITION: rest.paths.reshape(-1, 3)}
-        fields = {UNSETTLED: int(not settled), PATH_STEPS: state.steps}
+        cells["RestLength"], rest_points = rest.lengths, {stored.REST_POSITION: rest.paths.reshape(-1, 3)}
+        fields = {stored.UNSETTLED: int(not settled), stored.PATH_STEPS: state.steps}
         return add_arrays(result, points=rest_points, cells=cells, fields=fields)
 
 
@@ -201,8 +189,8 @@ def _bows(
     free, lines = state.per_fibre(free_shares(state, held)), state.paths[:, [0, -1]]
     alone: Any = (), twists, np.zeros_like(lines), (np.zeros_like, np.zeros_like)
     straight = zip(levers.items(), path_levers(lines, end_bones, *alone), strict=True)
-    bows = {array_of(BOW_LEVER, name): free * (own - line) for (name, own), line in straight}
-    return {BOW: free * (state.lengths - path_lengths(lines)), **bows}
+    bows = {array_of(stored.BOW_LEVER, name): free * (own - line) for (name, own), line in straight}
+    return {stored.BOW: free * (state.lengths - path_lengths(lines)), **bows}
 
 
 def _paths_at_rest(

@@ -21,6 +21,7 @@ from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.data.arrays import with_settings
 from vtkmuscle.io.in_child import vtk_messages
 
 #: Lock file of a folder.
@@ -251,13 +252,8 @@ def write_polydata(path: Path, data: vtkPolyData) -> None:
         cells.DeepCopy(getattr(data, f"Get{kind}")())
         if cells.ConvertTo32BitStorage():
             getattr(narrow, f"Set{kind}")(cells)
-    writer = vtkXMLPolyDataWriter()  # without keywords: ParaView's VTK is older
-    writer.SetInputData(narrow)
-    writer.SetCompressor(None)
-    writer.SetDataModeToAppended()
-    writer.EncodeAppendedDataOff()
-    writer.SetHeaderTypeToUInt64()
-    write_with(writer, path)
+    form = {"DataMode": vtkXMLPolyDataWriter.Appended, "EncodeAppendedData": False, "HeaderType": 64}
+    write_with(with_settings(vtkXMLPolyDataWriter(), InputData=narrow, Compressor=None, **form), path)
 
 
 def write_with(writer: Any, path: Path) -> None:

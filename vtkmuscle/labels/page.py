@@ -195,8 +195,8 @@ _POINTS, _ROUNDS = 24, 600
 
 
 def with_tendon(
-    belly: LabelField, surface: vtkPolyData, target: Floats, bones: Sequence[Solids], edge: float, scale:
-    float,
+    belly: LabelField, surface: vtkPolyData, target: Floats, bones: Sequence[Solids], edge: float,
+    scale: float,
 ) -> tuple[vtkPolyData, float, float]:  # fmt: skip
     """Return a belly with a tendon to ``target`` (3,), and the tendon's length and radius [mm]."""
     points, triangles = checked_surface(surface, "belly")

@@ -78,14 +78,10 @@ def part(name: str) -> Markup:
 
 @cache
 def _environment() -> jinja2.Environment:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("vtkmuscle.report", "page"),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        undefined=jinja2.StrictUndefined,
-    )
+    spaces: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
+    loader = jinja2.PackageLoader("vtkmuscle.report", "page")
+    strict = jinja2.StrictUndefined
+    environment = jinja2.Environment(loader=loader, autoescape=True, undefined=strict, **spaces)
     environment.globals["part"], environment.tests["contains"] = part, contains
     environment.filters |= {"number": number, "label": label_of, "file_name": lambda path: Path(path).name}
     return environment

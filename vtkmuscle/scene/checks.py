@@ -15,7 +15,7 @@ from vtkmuscle.core.mesh.solids import closed_shells
 from vtkmuscle.core.mesh.surface import signed_volume, survey
 from vtkmuscle.core.paths.via_rings import passes_through, via_ring
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import checked_surface, points_of, surface_from
+from vtkmuscle.data.arrays import checked_surface, output_of, points_of, surface_from
 from vtkmuscle.data.attachments import VIA, AttachmentArea
 from vtkmuscle.data.paths import checked_superficial
 from vtkmuscle.scene.data import Faults, Muscle, SceneData, errors_at, words_of
@@ -111,10 +111,7 @@ def repaired_surface(surface: vtkPolyData) -> tuple[vtkPolyData, str]:
 
 def turned_over(surface: vtkPolyData) -> vtkPolyData:
     """Return a surface with reversed triangles."""
-    reverse = vtkReverseSense()  # without keywords: ParaView's VTK is older
-    reverse.SetInputData(surface)
-    reverse.Update()
-    result: vtkPolyData = reverse.GetOutput()
+    result: vtkPolyData = output_of(vtkReverseSense(), InputData=surface)
     return result
 
 

@@ -3,19 +3,13 @@ from oracles import igl
 from shapes import grid
 from spindle import spindle
 
-from vtkmuscle.core.mesh.harmonic import (
-    cotangent_laplacian,
-    harmonic_extension,
-    harmonic_field,
-    harmonic_weights,
-    triangle_gradients,
-)
+from vtkmuscle.core.mesh import harmonic
 
 
 def test_laplacian_is_symmetric_and_an_m_matrix_on_bad_triangles():
     points, triangles, _ = spindle(seed=0)
     points[triangles[7, 0]] = points[triangles[7, 1]]  # degenerate
-    matrix = cotangent_laplacian(points, triangles).toarray()
+    matrix = harmonic.cotangent_laplacian(points, triangles).toarray()
     assert np.allclose(matrix, matrix.T)
     assert np.allclose(matrix.sum(axis=1), 0.0, atol=1e-9)
     assert np.isfinite(matrix).all()
@@ -25,7 +19,7 @@ def test_laplacian_is_symmetric_and_an_m_matrix_on_bad_triangles():
 def test_laplacian_agrees_with_igl():
     points, triangles, _ = spindle(rings=20, around=12)
     ours, theirs = (
-        cotangent_laplacian(points, triangles).toarray(),
+        harmonic.cotangent_laplacian(points, triangles).toarray(),
         -igl.cotmatrix(points, triangles).toarray(),
     )
     kept = (theirs < -2e-3) & (ours < 0)
@@ -38,13 +32,15 @@ def test_linear_functions_in_the_plane_are_harmonic():
     border = np.flatnonzero((points[:, :2] == 0).any(axis=1) | (points[:, :2] == 8).any(axis=1))
     wanted = points[:, :1] * 2.0 - points[:, 1:2] + 3.0
     # Diagonal edges have cotangent weight 0, which is raised to its lower bound: by symmetry no change.
-    assert np.allclose(harmonic_extension(points, triangles, border, wanted[border]), wanted, atol=1e-9)
+    assert np.allclose(
+        harmonic.harmonic_extension(points, triangles, border, wanted[border]), wanted, atol=1e-9
+    )
 
 
 def test_weights_are_a_partition_of_unity():
     points, triangles, fixed_to = spindle(seed=1)
     fixed_to[60:64] = 5
-    bones, weights = harmonic_weights(points, triangles, fixed_to)
+    bones, weights = harmonic.harmonic_weights(points, triangles, fixed_to)
     assert bones.tolist() == [0, 1, 5]
     assert weights.min() >= 0.0
     assert weights.max() <= 1.0
@@ -61,27 +57,27 @@ def test_part_without_fixed_points_takes_the_mean():
         [points, points + np.array([100.0, 0, 0]), [[0.0, 50, 0]]]
     )  # the last point is in no triangle
     fixed = np.concatenate([fixed_to, np.full(n + 1, -1)])
-    _, weights = harmonic_weights(both, np.vstack([triangles, triangles + n]), fixed)
+    _, weights = harmonic.harmonic_weights(both, np.vstack([triangles, triangles + n]), fixed)
     assert np.allclose(weights[n:], np.mean(fixed_to[fixed_to >= 0] == np.array([[0], [1]]), axis=1))
-    assert np.allclose(weights[:n], harmonic_weights(points, triangles, fixed_to)[1])
+    assert np.allclose(weights[:n], harmonic.harmonic_weights(points, triangles, fixed_to)[1])
 
 
 def test_field_runs_between_the_ends_that_are_farthest_apart():
     points, triangles, fixed_to = spindle()
     fixed_to[20:30] = 2  # a third bone just beside the lower end
-    field = harmonic_field(points, triangles, fixed_to)
+    field = harmonic.harmonic_field(points, triangles, fixed_to)
     assert set(np.unique(field[fixed_to == 1])) == {1.0 - field[fixed_to == 0][0]}
     assert (field[fixed_to == 2] == field[fixed_to == 0][0]).all()
-    assert harmonic_field(points, triangles, np.where(fixed_to == 0, 0, -1)) is None
-    assert harmonic_field(points, triangles, np.full(len(points), -1)) is None
+    assert harmonic.harmonic_field(points, triangles, np.where(fixed_to == 0, 0, -1)) is None
+    assert harmonic.harmonic_field(points, triangles, np.full(len(points), -1)) is None
 
 
 def test_gradient_of_a_linear_function_is_its_tangential_part():
     points, triangles, _ = spindle(seed=3)
     direction = np.array([0.3, -0.5, 2.0])
-    gradients = triangle_gradients(points, triangles, points @ direction + 7.0)
+    gradients = harmonic.triangle_gradients(points, triangles, points @ direction + 7.0)
     a, b, c = (points[triangles[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     assert np.allclose(gradients, direction - (normals @ direction)[:, None] * normals, atol=1e-9)
-    assert (triangle_gradients(points, triangles, np.full(len(points), 0.1)) == 0).all()
+    assert (harmonic.triangle_gradients(points, triangles, np.full(len(points), 0.1)) == 0).all()

@@ -6,15 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import igl
 
+from vtkmuscle.core.mesh import surface
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
-from vtkmuscle.core.mesh.surface import (
-    mesh_topology,
-    side_products,
-    signed_volume,
-    survey,
-    triangle_stretches,
-    unique_edges,
-)
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.phantoms.meshing import box, solid_of_revolution
 
@@ -31,7 +24,7 @@ def vase():
 
 
 def test_unique_edges_agree_with_igl(vase):
-    ours, theirs = unique_edges(vase[1]), np.sort(np.asarray(igl.edges(vase[1])), axis=1)
+    ours, theirs = surface.unique_edges(vase[1]), np.sort(np.asarray(igl.edges(vase[1])), axis=1)
     np.testing.assert_array_equal(ours, theirs[np.lexsort((theirs[:, 1], theirs[:, 0]))])
 
 
@@ -41,7 +34,9 @@ def test_stretches_are_the_singular_values_of_the_map_of_each_triangle(rng):
     rest = np.concatenate([np.dstack([flat, np.full((50, 3), 7.0)]).reshape(-1, 3), np.zeros((3, 3))])
     now = np.concatenate([(flat @ maps.transpose(0, 2, 1)).reshape(-1, 3), rng.normal(size=(3, 3))])
     triangles = np.arange(153).reshape(-1, 3)
-    least, greatest, areas = triangle_stretches(side_products(rest, triangles), side_products(now, triangles))
+    least, greatest, areas = surface.triangle_stretches(
+        surface.side_products(rest, triangles), surface.side_products(now, triangles)
+    )
     expected = np.linalg.svd(maps, compute_uv=False)
     np.testing.assert_allclose(np.column_stack([greatest, least])[:-1], expected, rtol=1e-6)
     np.testing.assert_allclose(2.0 * areas, np.linalg.norm(triangle_normals(rest, triangles), axis=1))
@@ -53,7 +48,7 @@ def test_stretches_are_the_singular_values_of_the_map_of_each_triangle(rng):
 def test_volume_is_that_of_the_moved_surface_and_grows_with_the_cube_of_its_size(shift, angle, scale):
     points, triangles = box((0, 0, 0), (2, 3, 5), 1.0)
     moved = scale * apply_transform(rotation_about((1, 1, 1), (1, 2, 3), angle), points) + np.array(shift)
-    assert signed_volume(moved, triangles) == pytest.approx(30 * scale**3, rel=1e-5)
+    assert surface.signed_volume(moved, triangles) == pytest.approx(30 * scale**3, rel=1e-5)
 
 
 def test_vertex_normals_agree_with_igl(vase):
@@ -63,11 +58,11 @@ def test_vertex_normals_agree_with_igl(vase):
 
 
 def test_survey_of_a_sound_surface(vase):
-    report = survey(*vase)
+    report = surface.survey(*vase)
     assert (report.closed, report.manifold, report.oriented) == (True, True, True)
     assert (report.n_components, report.n_unused_points, report.n_degenerate_triangles) == (1, 0, 0)
     # Euler: V - E + F = 2.
-    assert report.n_points - len(unique_edges(vase[1])) + report.n_triangles == 2
+    assert report.n_points - len(surface.unique_edges(vase[1])) + report.n_triangles == 2
 
 
 @pytest.mark.parametrize(
@@ -87,18 +82,18 @@ def test_survey_of_a_sound_surface(vase):
     ids=["open", "a fin", "a triangle turned over", "degenerate triangles"],
 )
 def test_survey_of_a_tetrahedron_with_a_fault(triangles, facts):
-    report = survey(np.vstack([TETRAHEDRON[0], [[2.0, 2, 2], [0.5, 0, 0]]]), triangles)
+    report = surface.survey(np.vstack([TETRAHEDRON[0], [[2.0, 2, 2], [0.5, 0, 0]]]), triangles)
     assert {name: getattr(report, name) for name in facts} == facts
 
 
 def test_boundary_and_crowded_edges_have_no_quadruple():
-    topology = mesh_topology(4, np.array([[0, 1, 2], [0, 2, 3]]))
+    topology = surface.mesh_topology(4, np.array([[0, 1, 2], [0, 2, 3]]))
     assert topology.n_boundary_edges == 4
     assert topology.quads.tolist() == [[2, 0, 1, 3]]
-    assert mesh_topology(5, np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]])).quads.shape == (0, 4)
+    assert surface.mesh_topology(5, np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]])).quads.shape == (0, 4)
 
 
 def test_triangles_with_a_repeated_point_take_no_part():
-    topology = mesh_topology(4, np.array([[0, 1, 2], [2, 2, 3], [0, 2, 3]]))
+    topology = surface.mesh_topology(4, np.array([[0, 1, 2], [2, 2, 3], [0, 2, 3]]))
     assert (topology.edges[:, 0] < topology.edges[:, 1]).all()
     assert len(topology.quads) == 1

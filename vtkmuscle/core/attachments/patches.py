@@ -15,15 +15,9 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh import surface as surfaces
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.mesh.rest_shape import SLIVER
-from vtkmuscle.core.mesh.surface import (
-    edge_lengths,
-    half_edges,
-    numbered_edges,
-    point_components,
-    signed_volume,
-)
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import SAME, FloatMap, Floats, Ints
 
@@ -44,7 +38,7 @@ def geodesic_curve(points: Floats, edges: Ints, vertices: Ints, *, closed: bool)
     ends = np.append(vertices[1:], vertices[:1]) if closed else vertices[1:]
     starts = np.searchsorted(edges[:, 0], np.arange(len(points) + 1))
     middles = 0.5 * (points[edges[:, 0]] + points[edges[:, 1]])
-    lengths = edge_lengths(points, edges)
+    lengths = surfaces.edge_lengths(points, edges)
     curve = vertices[:1].tolist()
     for start, end in zip(vertices[: len(ends)].tolist(), ends.tolist(), strict=True):
         chord = points[end] - points[start]
@@ -102,8 +96,8 @@ def attachment_patch(
     Raises a ValueError if a landmark is too far from the muscle, or neighbours are on unconnected parts of
     the muscle.
     """
-    edges, edge_of = numbered_edges(triangles)
-    usual = float(edge_lengths(points, edges).mean())
+    edges, edge_of = surfaces.numbered_edges(triangles)
+    usual = float(surfaces.edge_lengths(points, edges).mean())
     within = usual if tolerance is None else tolerance
     vertices = _nearest_vertices(points, triangles, landmarks, (within, usual), bone_distance)
     spread = np.linalg.svd(landmarks - landmarks.mean(axis=0), compute_uv=False)
@@ -115,7 +109,7 @@ def attachment_patch(
     segments = np.column_stack([curve, np.append(curve[1:], curve[-1]), curve])  # triangles without area
     on_patch = triangle_tree(points, segments).nearest(points)[2] <= within
     on_patch[curve] = True
-    labels = point_components(len(points), edges[on_patch[edges].all(axis=1)])
+    labels = surfaces.point_components(len(points), edges[on_patch[edges].all(axis=1)])
     return np.flatnonzero(on_patch & np.isin(labels, labels[curve])).astype(np.int64)
 
 
@@ -139,7 +133,9 @@ def _nearest_vertices(
         remedy = "check the units, leave out an attachment of another muscle, or give a larger distance"
         raise InputError("", f"{problem}; at most {limit:.4g} is accepted", remedy)
     if to_bone is not None and offsets[worst] > SAME * diagonal:
-        outward = vertex_normals(points, triangles) * np.sign(signed_volume(points, triangles) or 1.0)
+        outward = vertex_normals(points, triangles) * np.sign(
+            surfaces.signed_volume(points, triangles) or 1.0
+        )
         waiting, count, step = np.arange(len(landmarks)), 1, lengths[1]
         while len(waiting):
             offsets, candidates = tree.query(landmarks[waiting], [*range(count // 2 + 1, count + 1)])
@@ -170,7 +166,7 @@ def _enclosed(
     order = np.argsort(edge_of, kind="stable")
     owners, number = order // 3, edge_of[order]  # the triangle and the edge of each half-edge
     joined = (number[1:] == number[:-1]) & ~cut[number[1:]]
-    labels = point_components(len(triangles), np.column_stack([owners[:-1], owners[1:]])[joined])
+    labels = surfaces.point_components(len(triangles), np.column_stack([owners[:-1], owners[1:]])[joined])
     at_loop = np.unique(labels[owners[cut[number]]])
     if len(at_loop) < 2:
         return np.zeros(0, dtype=np.int64)
@@ -213,7 +209,7 @@ def outline(points: Floats, triangles: Ints, patch: Ints) -> tuple[Floats, bool]
 
     Holes are left out. A patch without a triangle is no ring: its points are returned in order.
     """
-    edges = half_edges(triangles)
+    edges = surfaces.half_edges(triangles)
     within = np.isin(edges, patch).all(axis=1)
     inside = {(b, a) for a, b in edges[np.repeat(within.reshape(-1, 3).all(axis=1), 3)].tolist()}
     following: dict[int, list[int]] = {}
@@ -251,8 +247,7 @@ def short_ring(points: Floats) -> Ints:
     """Return an order (n,) of points with a short ring.
 
     The ring goes from each point to the nearest, then exchanges pairs of edges as long as its length falls
-    (2-opt, Croes 1958, doi:10.1287/opre.6.6.791). It is rarely more than a few percent longer than the
-    shortest.
+    (2-opt, Croes 1958, doi:10.1287/opre.6.6.791). It is rarely a few percent longer than the shortest.
     """
     count = len(points)
     distance = np.linalg.norm(points[:, None] - points[None], axis=2)

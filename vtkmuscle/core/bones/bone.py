@@ -83,8 +83,7 @@ class Bone:
         """The bone's connected pieces, largest first.
 
         Tibia and fibula in one surface are two pieces: a point between both has a direction from each. A
-        crumb, or a piece whose box is within the box of a larger piece, such as a hollow, stays with the
-        largest.
+        crumb, or a piece whose box is within a larger piece's box, such as a hollow, stays with the largest.
         """
         with errors_at(self.name):
             closed = closed_shells(self.points, self.triangles)
@@ -163,8 +162,7 @@ class Bone:
         beyond the :data:`REACH` of the field they are exact. Points that are surely farther away than
         ``within`` [mm] are not looked up, and get a bound beyond ``within``; points that are not finite get
         :data:`~vtkmuscle.core.mesh.solids.FAR`. Directions (n, 3) in which the distance grows are unit
-        vectors, continuous, by differences over a cell; 0 where the distance is missing or grows in no
-        direction.
+        vectors, continuous, by differences over a cell; 0 where the distance is missing or constant.
         """
         positions = np.ascontiguousarray(points, dtype=np.float64)
         distance, outward = np.empty(len(positions)), np.empty((len(positions), 3))

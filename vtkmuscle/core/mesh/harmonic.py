@@ -47,8 +47,7 @@ def cotangent_laplacian(points: Floats, triangles: Ints) -> csr_array:
 def harmonic_extension(points: Floats, triangles: Ints, fixed: Ints, values: Floats) -> Floats:
     """Return harmonic functions (n, c) on a surface. Values (k, c) at fixed points (k,).
 
-    Each lies between its least and greatest value. A connected part without a fixed point takes the mean of
-    the values.
+    Each lies between its least and greatest value. A connected part without a fixed point takes the mean.
     """
     n = len(points)
     result: Floats = np.tile(values.mean(axis=0), (n, 1))

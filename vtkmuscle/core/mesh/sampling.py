@@ -246,8 +246,7 @@ def space_order(positions: Floats) -> Ints:
     """Return the order (n,) of positions along the Z-order curve. Positions (n, d).
 
     Morton 1966, *A computer oriented geodetic data base and a new technique in file sequencing*. Consecutive
-    positions are neighbours, and so are their data in memory. Positions in the same cell of the box keep
-    their order.
+    positions are neighbours, and so are their data in memory. Positions in a cell of the box keep order.
     """
     size = max(float(np.ptp(positions, axis=0).max()), 1e-300)
     cells = ((positions - positions.min(axis=0)) * (2**HALVINGS / size)).astype(np.int64)

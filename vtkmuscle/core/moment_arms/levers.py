@@ -27,8 +27,7 @@ class Differences(NamedTuple):
 
     frames : (m,) int, ascending numbers of the poses;
     neighbours : (m, 2) int, numbers of the two neighbours;
-    weights : (m, 2), weights of their differences from the pose, per unit of the coordinate [1 / rad or 1 /
-        mm].
+    weights : (m, 2), weights of their differences from the pose, per unit of the coordinate [1/rad or 1/mm].
     """
 
     frames: Ints

@@ -25,8 +25,7 @@ N_CLASSES = 256
 #: Isolines that measure the muscle's course, with 33 and 129 the same for eight of ten muscles.
 N_ISOLINES = 65
 #: Distance of the first and last isoline from the attachment areas, as a part of the muscle's length:
-#: isolines at an area's rim have many coincident points. A hundredth moves the points of fibres by 2 to 20
-#: mm.
+#: isolines at an area's rim have many coincident points. A hundredth moves points by 2 to 20 mm.
 ISOLINE_MARGIN = 1e-3
 
 

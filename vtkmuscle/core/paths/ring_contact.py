@@ -129,8 +129,7 @@ def crossing(frame: Floats, p: Floats) -> tuple[int, float, float, float]:
     """Return a path's crossing of a ring's plane.
 
     The crossing nearest to the ring's centre counts: segment, part, and place (s, t). The part is the
-    segment's part before the plane, the place is along the plane's axes [mm]. Segment -1 stands for no
-    crossing.
+    segment's part before the plane, the place is along the plane's axes [mm]. Segment -1: no crossing.
     """
     nearest, segment, part, s, t = np.inf, -1, 0.0, 0.0, 0.0
     for i in range(len(p) - 1):

@@ -184,8 +184,7 @@ class SkinnedMuscle(NamedTuple):
 def falling_weights(distances: Floats, least: float) -> Floats:
     """Return Gaussian weights that fall with distance.
 
-    Distances are (m, k), ascending; the last weight is 0, and rows sum to 1. Distances below ``least`` count
-    as equal.
+    Distances are (m, k), ascending; the last weight is 0, rows sum to 1. Distances below ``least`` are equal.
     """
     values = np.exp(-0.5 * (distances / np.maximum(distances[:, -1:] / 2.0, least)) ** 2)
     # Rounding decides the last of several neighbours at an equal distance: with a weight of 0 the choice does

@@ -149,9 +149,8 @@ class Algorithm(VTKPythonAlgorithmBase):
         """Create outputs of the first input's class."""
         for number, port in enumerate(self.output_ports):
             if port.kind is vtkDataSet:
-                if (first := _first_of_each(inInfo)[0]) is None:
-                    return 0  # VTK looks for missing connections later, and a key crashes without
-                source = _DATA.Get(first)
+                self.check_connections()
+                source = _DATA.Get(inInfo[0].GetInformationObject(0))
                 info = outInfo.GetInformationObject(number)
                 made = _DATA.Get(info)
                 if made is None or made.GetClassName() != source.GetClassName():

@@ -116,11 +116,8 @@ class Filter(Runnable, Algorithm):
 
     def __copy__(self, _memo: object = None) -> Self:
         """Return a filter with the same parameters and connections, also as a deep copy."""
-        copy = type(self)(**self.parameters())
-        for port in range(self.GetNumberOfInputPorts()):
-            for index in range(self.GetNumberOfInputConnections(port)):
-                copy.SetInputConnection(port, self.GetInputConnection(port, index))
-        return copy
+        inputs = {port.name: port.read(self) for port in self.input_ports}
+        return type(self)(**self.parameters(), **inputs)
 
     __deepcopy__ = __copy__
 

@@ -210,7 +210,8 @@ class _BlockSource(VTKPythonAlgorithmBase):
 
     def __init__(self, data: vtkMultiBlockDataSet) -> None:
         self.data, self._parts = data, list[vtkDataObject]()
-        super().__init__(nInputPorts=1, nOutputPorts=1, outputType="vtkMultiBlockDataSet")
+        super().__init__(inputType="vtkDataObject", outputType="vtkMultiBlockDataSet")
+        self.GetInputPortInformation(0).Set(vtkAlgorithm.INPUT_IS_REPEATABLE(), 1)
         self._connect_parts()
 
     def _connect_parts(self) -> None:
@@ -223,12 +224,6 @@ class _BlockSource(VTKPythonAlgorithmBase):
                 producer = vtkTrivialProducer()
                 producer.SetOutput(part)
                 self.AddInputConnection(producer.GetOutputPort())
-
-    def FillInputPortInformation(self, port: int, info: Any) -> int:
-        """Declare the port of the data set and its blocks."""
-        info.Set(vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE(), "vtkDataObject")
-        info.Set(vtkAlgorithm.INPUT_IS_REPEATABLE(), 1)
-        return 1
 
     def RequestData(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Pass on the data set."""
