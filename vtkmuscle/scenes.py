@@ -243,7 +243,7 @@ class Scene(SceneData, ByName):
         return f"<p>{escape(repr(self))}</p>" + html_picture(lambda: self.plot(show=False, off_screen=True))
 
     def __repr__(self) -> str:
-        muscles, times = listed(list(self.muscles)), f"{len(self.motion.times)} frames"
+        muscles, times = listed(list(self.muscles)), f"{(n := len(self.motion.times))} frame{'s' * (n != 1)}"
         return f"Scene({self.name!r}: {muscles}; bones {', '.join(self.bones)}; {times}; {self.units})"
 
     def with_muscles(self, *names: str | Sequence[str]) -> Self:

@@ -120,7 +120,7 @@ class Result(ResultData):
         if len(verdicts) > MOST_LISTED:
             counts = ", ".join(f"{verdicts.count(one)} {one}" for one in VERDICTS if one in verdicts)
             muscles = f"{len(verdicts)} muscles ({counts})"
-        return f"Result({self.name!r}: {len(self.times)} frames of {muscles})"
+        return f"Result({self.name!r}: {len(self.times)} frame{'s' * (len(self.times) != 1)} of {muscles})"
 
     def _repr_html_(self) -> str:
         rows = [(name, muscle.verdict, "; ".join(muscle.reasons)) for name, muscle in self.items()]
