@@ -151,9 +151,7 @@ def pytest_addoption(parser):
     parser.addoption("--all", action="store_true", help="run slow tests, and those of optional programs")
     parser.addoption("--long", action="store_true", help="run the extremes in their long form, and all tests")
     parser.addoption("--tried-table", metavar="FILE", help="write what was tried to this .rst")
-    parser.addoption(
-        "--extremes-table", metavar="FILE", help="write what became of the extremes to this .rst"
-    )
+    parser.addoption("--extremes-table", metavar="FILE", help="write what became of extremes to this .rst")
 
 
 def pytest_collection_modifyitems(config, items):

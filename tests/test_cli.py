@@ -115,9 +115,7 @@ def test_a_warning_is_one_line(scene_file, tmp_path):
     path = scene_file.parent / "muscles/spindle.vtp"
     muscle = ellipsoid((8, 8, 40), (0, 0, 0), 16)
     write_polydata(path, surface_from(points_of(muscle), triangles_of(muscle, "muscle")[:, ::-1]))
-    done = vtkmuscle_(
-        "run", scene_file, "--out", tmp_path / "out", "--frames", "0", "--quiet", "--no-figures"
-    )
+    done = vtkmuscle_("run", scene_file, "--out", tmp_path / "out", "--frames", "0", "-q", "--no-figures")
     assert done.exit_code == 0
     assert done.stderr.startswith("warning: ")
     assert "inside out" in done.stderr

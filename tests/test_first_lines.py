@@ -142,3 +142,8 @@ def test_literature_is_laid_over_by_one_option(known, tmp_path):
     table.write_text("source,muscle,dof,angle_deg,moment_arm_mm\nA1999,psoas,hip,5,30\n")
     with pytest.raises(ValueError, match="muscles in the file: psoas"):
         known["result"].with_literature(table)
+    table.write_text("source,muscle,dof,angle_deg,moment_arm_mm\nA1999,spindle,hip,5,30\n")
+    with pytest.raises(ValueError, match="no moment arms by distal_angle; dof in the file: hip"):
+        known["result"].with_literature(table)
+    with pytest.raises(ValueError, match="no moment arms by distal_angle; dof in the file: hip"):
+        vtkmuscle.compare([known["result"]] * 2, literature=table)

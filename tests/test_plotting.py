@@ -186,6 +186,7 @@ def test_the_length_figure_shows_each_fibre_and_the_mean():
 
 def test_moment_arms_of_a_single_pose_are_dots():
     result = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=3).run(frames=3)
+    assert "1 frame of spindle" in repr(result)
     arms = result.moment_arms()["spindle"]
     dots = plot_moment_arms(arms).axes[0].collections[0].get_offsets()
     np.testing.assert_allclose(dots[:, 1], arms["distal_angle"].arms[0])

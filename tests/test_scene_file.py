@@ -96,9 +96,7 @@ def test_an_inside_out_muscle_is_turned_with_a_warning(scene_file):
     path = scene_file.parent / "muscles/spindle.vtp"
     points, triangles = surface_parts(path)
     write_polydata(path, surface_from(points, triangles[:, ::-1]))
-    with pytest.warns(
-        UserWarning, match=r"spindle\.vtp: muscles\.spindle\.surface: the surface is inside out"
-    ):
+    with pytest.warns(UserWarning, match=r"spindle\.vtp: muscles\.spindle\.surface: the surface is inside"):
         surface = Scene.load(scene_file).muscles["spindle"].surface
     assert signed_volume(points_of(surface), triangles_of(surface, "x")) > 0
     np.testing.assert_array_equal(points_of(surface), points)

@@ -15,7 +15,7 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import SAME, Floats
-from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, read_literature, side_apart
+from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, literature_of, side_apart
 from vtkmuscle.run import Result, Table
 from vtkmuscle.run.result_data import UNNAMED
 
@@ -162,8 +162,10 @@ def compare(
     """
     named = dict(results) if isinstance(results, Mapping) else _named(results)
     compared = Comparison({}, {}, {})
-    published = None if literature is None else read_literature(literature)
     for name, result in named.items():
+        published = result.literature
+        if literature is not None:
+            published = literature_of(Path(literature), result.muscle_names, [*result.motion.coordinates])
         for muscle in result.muscle_names:
             common = side_apart(muscle)
             run = f"{name}, {muscle}" if (common, name) in compared.verdicts else name  # both sides of a run
@@ -174,8 +176,8 @@ def compare(
                 if next(iter(quantities.get(key, {}).values()), curve).over != curve.over:
                     key += f", over {curve.over}"
                 quantities.setdefault(key, {})[run] = curve
-            curves = result.literature.get(muscle, ()) if published is None else published
-            compared.literature.setdefault(common, curves_for(curves, muscle=muscle))
+            curves = curves_for(published.get(muscle, ()), muscle=muscle)
+            compared.literature.setdefault(common, curves)
     if len(compared.curves) == len(compared.verdicts) and not any(compared.literature.values()):
         listed = "; ".join(f"{name}: {', '.join(result.muscle_names)}" for name, result in named.items())
         raise InputError("", f"no muscle is in two of the runs ({listed})", "muscles match by name")

@@ -147,9 +147,9 @@ class Scene(SceneData, ByName):
         """Write the scene to a folder, as :meth:`load` reads it, and return the scene.toml.
 
         The folder is created if missing; files of equal names are replaced, but for the scene's own file,
-        which may have joints and comments: a ValueError. The motion is written as tables
-        of transforms and coordinates, without joints: moment arms of the saved scene are by coordinates that
-        change alone.
+        which may have comments: a ValueError. Joints of the scene's own file are kept, those
+        of an OpenSim model are not: the motion is then written as tables of transforms and coordinates, and
+        moment arms of the saved scene are by coordinates that change alone.
         """
         if Path(folder).suffix == ".toml":
             raise SceneError("a scene is a folder with a scene.toml", "save", "give the folder", Path(folder))
@@ -243,7 +243,7 @@ class Scene(SceneData, ByName):
         return f"<p>{escape(repr(self))}</p>" + html_picture(lambda: self.plot(show=False, off_screen=True))
 
     def __repr__(self) -> str:
-        muscles, times = listed(list(self.muscles)), f"{len(self.motion.times)} frames"
+        muscles, times = listed(list(self.muscles)), f"{(n := len(self.motion.times))} frame{'s' * (n != 1)}"
         return f"Scene({self.name!r}: {muscles}; bones {', '.join(self.bones)}; {times}; {self.units})"
 
     def with_muscles(self, *names: str | Sequence[str]) -> Self:

@@ -38,13 +38,9 @@ _warned: Warned = []
 
 def cohort(
     scenes: Mapping[str, Scene | str | PathLike[str]] | Sequence[Scene | str | PathLike[str]],
-    out: str | PathLike[str] | None = None,
-    *,
-    client: Any = None,
-    workers: int | None = None,
-    progress: Callable[[Sequence[Row]], None] | None = None,
-    **options: Any,
-) -> Table:
+    out: str | PathLike[str] | None = None, *, client: Any = None, workers: int | None = None,
+    progress: Callable[[Sequence[Row]], None] | None = None, **options: Any,
+) -> Table:  # fmt: skip
     """Run the scene of each subject into a table.
 
     The table has a row per muscle.

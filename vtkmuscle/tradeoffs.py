@@ -111,15 +111,11 @@ class Tradeoff:
 
 
 def tradeoff(
-    scene: Scene | str | PathLike[str],
-    out: str | PathLike[str] | None = None,
-    *,
-    frames: str | slice | range | int | None = None,
-    workers: int | None = 1,
-    progress: Callable[[Sequence[Row]], None] | None = None,
-    overwrite: bool = False,
+    scene: Scene | str | PathLike[str], out: str | PathLike[str] | None = None, *,
+    frames: str | slice | range | int | None = None, workers: int | None = 1,
+    progress: Callable[[Sequence[Row]], None] | None = None, overwrite: bool = False,
     **settings: Iterable[Any],
-) -> Tradeoff:
+) -> Tradeoff:  # fmt: skip
     """Measure speed against accuracy of a scene's settings.
 
     All combinations are run, and the limit of each deformer: ``"accurate"`` with twice its segments of

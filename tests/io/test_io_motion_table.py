@@ -130,9 +130,7 @@ def test_columns_that_do_not_change_are_no_coordinates(tmp_path):
     assert list(read_motion_table(tmp_path / "m.csv", "b", coordinates=["flexion", "still"]).coordinates) == [
         "flexion"
     ]
-    with pytest.raises(
-        ValueError, match="no column 'knee' for a coordinate; the other columns are: time, fl"
-    ):
+    with pytest.raises(ValueError, match="no column 'knee' for a coordinate; the other columns are: time, "):
         read_motion_table(tmp_path / "m.csv", "b", coordinates=["knee"])
 
 

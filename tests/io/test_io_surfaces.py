@@ -101,9 +101,7 @@ def test_corners_of_flat_normals_are_joined_and_polygons_split(tmp_path):
     split = pv.PolyData.from_regular_faces(corners, np.arange(24).reshape(6, 4))
     split.point_data["Number"] = np.arange(24)
     write_polydata(tmp_path / "box.vtp", split)
-    with pytest.warns(
-        UserWarning, match=r"6 polygons were split into 12 triangles; 24 points were joined to 8"
-    ):
+    with pytest.warns(UserWarning, match=r"6 polygons were split into 12 triangles; 24 points .* to 8"):
         surface = read_surface(tmp_path / "box.vtp")
     report = survey_of(surface)
     assert (report.closed, report.n_components, report.volume) == (True, 1, pytest.approx(6.0))

@@ -169,9 +169,7 @@ def test_a_header_names_plain_files_only(tmp_path):
 
 def test_labels_are_whole_numbers_named_with_file_and_key(write, tmp_path):
     path = write(tmp_path / "map.nrrd", Segment0_LabelValue="x", Segment0_Name="femur")
-    with pytest.raises(
-        ValueError, match=r"map\.nrrd: Segment0_LabelValue is 'x', but must be a whole number"
-    ):
+    with pytest.raises(ValueError, match=r"map\.nrrd: Segment0_LabelValue is 'x', but must be a whole"):
         read_labels(path)
     (tmp_path / "names.csv").write_text(f"1,iliacus\n{'9' * 23},femur\n")
     with pytest.raises(ValueError, match=r"names\.csv: line 2: the label is '9{23}'"):

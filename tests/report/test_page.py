@@ -73,6 +73,17 @@ def test_it_says_what_was_found(run_folder, page):
     assert len(set(swatches)) == len(result.report["muscles"]), "each muscle has its colour"
 
 
+def test_pennation_is_that_of_the_cross_section(run_folder, page):
+    """As in architecture.csv, not the angle of whole fibres to the surface."""
+    head = [title.strip() for title in re.findall(r"<th[^>]*>([^<]*)", page)]
+    at = head.index("pennation, origin [deg]") - head.index("volume [cm³]")
+    name, muscle = next(iter(run_folder[1].items()))
+    row = re.search(rf"<tr>\s*<th[^>]*>{name}.*?</tr>", page, re.DOTALL)[0]
+    cells = re.findall(r"<td[^>]*>([^<]*)", row)
+    mean = muscle.architecture["fascicle_pennation_origin_deg"]["mean"]
+    assert float(cells[at + 1]) == pytest.approx(mean, rel=5e-3), cells
+
+
 def test_of_many_muscles_a_line_is_shown_and_the_numbers_on_demand(run_folder, monkeypatch):
     def summaries(page):
         cards = re.findall(r'<article class="verdict.*?</article>', page, flags=re.DOTALL)

@@ -116,7 +116,8 @@ def _of_run(folder: Path) -> dict[str, str]:
         problem = "the folder has no report.json of a run"
         raise InputError(folder, problem, "give a folder of results, or files such as a scene.toml")
     ended = "yes" if report["complete"] else f"no: {report.get('stopped_by') or 'it was killed'}"
-    frames = {name: f"{count} frames" for name, count in ResultFolder(folder).frames_there().items()}
+    there = ResultFolder(folder).frames_there().items()
+    frames = {name: f"{count} frame{'s' * (count != 1)}" for name, count in there}
     return {"scene": str(report.get("scene")), "complete": ended, **frames}
 
 

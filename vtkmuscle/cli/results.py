@@ -85,7 +85,7 @@ def _animate(source: Path, out: Path, options: ExportOptions) -> None:
     with io.Outputs.for_file(out, [source], overwrite=options.overwrite):
         result = vtkmuscle.Result.load(source) if source.is_dir() else vtkmuscle.Scene.load(source).run()
         result.write_usd(out, tubes=options.tubes)
-    typer.echo(f"wrote {out}, with {len(result.frames)} frames")
+    typer.echo(f"wrote {out}, with {len(result.frames)} frame{'s' * (len(result.frames) != 1)}")
 
 
 def _say(checked: ModelCheck) -> None:

@@ -68,7 +68,7 @@ def _run(scene: vtkmuscle.Scene, out: Path, options: shared.RunArguments) -> Any
 def _summary(muscle: Mapping[str, Any]) -> str:
     """Return a muscle's outcome in a line."""
     frames = muscle["frames"]
-    words = [f"{len(frames)} frames"]
+    words = [f"{len(frames)} frame{'s' * (len(frames) != 1)}"]
     keys = "volume_ratio", "penetration_new_max_mm"
     volumes, depths = ([row[key] for row in frames if row.get(key) is not None] for key in keys)
     if volumes:

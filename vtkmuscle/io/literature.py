@@ -105,13 +105,19 @@ def curves_for(
     return tuple(curve for curve in own if not coordinate or curve.dof in axes)
 
 
-def literature_of(path: Path, muscles: Sequence[str]) -> dict[str, tuple[LiteratureCurve, ...]]:
-    """Return the curves of muscles in a table; InputError without any."""
+def literature_of(
+    path: Path, muscles: Sequence[str], coordinates: Sequence[str] | None = None
+) -> dict[str, tuple[LiteratureCurve, ...]]:
+    """Return the curves of muscles in a table; InputError without any, or any by the coordinates."""
     curves = read_literature(path)
     published = {name: own for name in muscles if (own := curves_for(curves, muscle=name))}
     if not published:
         theirs = f"muscles in the file: {', '.join(sorted({curve.muscle for curve in curves}))}"
         raise InputError(path, f"the file has no moment arms of {listed(muscles)}", theirs)
+    every = [curve for own in published.values() for curve in own]
+    if coordinates is not None and not any(curves_for(every, coordinate=name) for name in coordinates):
+        theirs = f"dof in the file: {listed(sorted({curve.dof for curve in every}))}"
+        raise InputError(path, f"the file has no moment arms by {listed(coordinates)}", theirs)
     return published
 
 

@@ -204,22 +204,11 @@ class MusclePipeline:
     """
 
     def __init__(
-        self,
-        surface: Any,
-        bones: Any,
-        motion: RigidMotion,
-        attachments: Any = None,
-        *,
-        superficial: Any = None,
-        aponeuroses: Any = None,
-        neighbours: Mapping[str, Any] | None = None,
-        deformer: str = "paths",
-        quality: str | None = None,
-        fixing: Mapping[str, Any] | None = None,
-        fibres: Any = None,
-        paths: Mapping[str, Any] | None = None,
-        solver: Mapping[str, Any] | None = None,
-    ) -> None:
+        self, surface: Any, bones: Any, motion: RigidMotion, attachments: Any = None, *,
+        superficial: Any = None, aponeuroses: Any = None, neighbours: Mapping[str, Any] | None = None,
+        deformer: str = "paths", quality: str | None = None, fixing: Mapping[str, Any] | None = None,
+        fibres: Any = None, paths: Mapping[str, Any] | None = None, solver: Mapping[str, Any] | None = None,
+    ) -> None:  # fmt: skip
         if deformer not in DEFORMERS:
             allowed = ", ".join(map(repr, DEFORMERS))
             raise ValueError(f"MusclePipeline: deformer is {deformer!r}, but must be one of {allowed}")

@@ -120,7 +120,7 @@ class Result(ResultData):
         if len(verdicts) > MOST_LISTED:
             counts = ", ".join(f"{verdicts.count(each)} {each}" for each in VERDICTS if each in verdicts)
             muscles = f"{len(verdicts)} muscles ({counts})"
-        return f"Result({self.name!r}: {len(self.times)} frames of {muscles})"
+        return f"Result({self.name!r}: {len(self.times)} frame{'s' * (len(self.times) != 1)} of {muscles})"
 
     def _repr_html_(self) -> str:
         rows = [(name, muscle.verdict, "; ".join(muscle.reasons)) for name, muscle in self.items()]
@@ -128,14 +128,9 @@ class Result(ResultData):
         return f"<p>{escape(repr(self))}</p>" + html_table(("muscle", "verdict", "reasons"), rows) + picture
 
     def plot(
-        self,
-        *,
-        frame: int | None = None,
-        time: float | None = None,
-        muscles: str | Sequence[str] | None = None,
-        show: bool = True,
-        off_screen: bool | None = None,
-    ) -> Any:
+        self, *, frame: int | None = None, time: float | None = None,
+        muscles: str | Sequence[str] | None = None, show: bool = True, off_screen: bool | None = None,
+    ) -> Any:  # fmt: skip
         """Show the scene in a window, or in a cell of a notebook.
 
         A kept frame by number or time; without either, a slider goes through all of them. ``muscles`` are
@@ -151,13 +146,9 @@ class Result(ResultData):
         return shown.scene.plotter.show() if show else shown.scene.plotter
 
     def movie(
-        self,
-        path: str | PathLike[str],
-        *,
-        fps: float = 15.0,
-        muscles: str | Sequence[str] | None = None,
+        self, path: str | PathLike[str], *, fps: float = 15.0, muscles: str | Sequence[str] | None = None,
         size: tuple[int, int] = (1024, 768),
-    ) -> Path:
+    ) -> Path:  # fmt: skip
         """Write a film of all kept frames.
 
         Parameters

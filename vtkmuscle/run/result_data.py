@@ -332,10 +332,11 @@ class ResultData(ByName):
         """Return the same result with published moment arms, which figures and the page then show.
 
         ``path`` is a table as :func:`vtkmuscle.io.read_literature` takes it; a ValueError is raised if it has
-        none of the muscles of the result.
+        none of the muscles, or none of the coordinates, of the result.
         """
+        own = literature_of(Path(path), self.muscle_names, [*self.motion.coordinates])
         other = copy(self)
-        other.literature = {**self.literature, **literature_of(Path(path), self.muscle_names)}
+        other.literature = {**self.literature, **own}
         return other
 
 

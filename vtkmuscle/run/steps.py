@@ -104,15 +104,9 @@ ONLY = ("lengths", "moment_arms", "surfaces")
 
 @keep_shared()
 def run_only(
-    scene: SceneData,
-    what: str,
-    out: str | PathLike[str] | None = None,
-    *,
-    frames: FrameChoice = None,
-    workers: int | None = 1,
-    overwrite: bool = False,
-    progress: Progress | None = None,
-) -> Table | dict[str, list[vtkPolyData]]:
+    scene: SceneData, what: str, out: str | PathLike[str] | None = None, *, frames: FrameChoice = None,
+    workers: int | None = 1, overwrite: bool = False, progress: Progress | None = None,
+) -> Table | dict[str, list[vtkPolyData]]:  # fmt: skip
     """Compute the lengths, the moment arms or the surfaces of a scene alone.
 
     ``what`` is ``"lengths"`` or ``"moment_arms"``, for a table with a row per muscle, path and frame [mm], or

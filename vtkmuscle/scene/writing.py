@@ -7,14 +7,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomli_w
 
+from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.data.attachments import SIDES, VIA, AttachmentArea, aponeuroses_data
 from vtkmuscle.io import write_literature, write_motion_table, write_polydata, write_text
+from vtkmuscle.io.csv_table import write_rows
 from vtkmuscle.io.writing import Outputs, write_json
-from vtkmuscle.scene.data import Muscle, SceneData
+from vtkmuscle.scene.data import Muscle, SceneData, parsed
 
 #: Schema by which 3D Slicer recognises its curves.
 _SCHEMA = (
@@ -37,11 +40,17 @@ def write_scene(scene: SceneData, folder: Path) -> Path:
         for block, sheet in blocks_of(aponeuroses_data(muscle.aponeuroses)):  # named SIDE_NUMBER
             write_polydata(folder / f"aponeuroses/{name}_{block}.vtp", sheet)
         write_areas(folder, name, muscle.attachments, scene.frame)
-    for bone in scene.motion.transforms:
+    tables = tables_of(scene)
+    if joints := _joints(scene):
+        tables |= {"joints": joints, "motion": {"file": "motion.csv"}}
+        columns = {name: own.values for name, own in _free(scene.motion, joints).items()}
+        values = np.transpose([scene.motion.times, *columns.values()]).tolist()
+        write_rows(folder / "motion.csv", [["time", *columns], *values])
+    for bone in () if joints else scene.motion.transforms:
         write_motion_table(folder / _motion_file(scene.motion, bone), scene.motion, bone)
     path = folder / "scene.toml"
     header = "# All lengths are in this unit. Paths are relative to this file.\n"
-    write_text(path, header + tomli_w.dumps(tables_of(scene), indent=2))
+    write_text(path, header + tomli_w.dumps(tables, indent=2))
     return path
 
 
@@ -125,6 +134,21 @@ def _muscle(name: str, muscle: Muscle, motion: RigidMotion) -> dict[str, Any]:
         "hill": dict(muscle.hill) or None,
         "muscle": muscle.muscle or None,
     }
+
+
+def _joints(scene: SceneData) -> dict[str, Any]:
+    """Return the joints of the scene's own file, empty for bones moved otherwise, and for mirrored scenes."""
+    path, axes = scene.files.get(""), scene.motion.coordinates.values()
+    table = parsed(path) if path and scene.joints and all(own.twists is not None for own in axes) else {}
+    joints: dict[str, Any] = {} if "mirror" in table else table.get("joints", {})
+    return joints
+
+
+def _free(motion: RigidMotion, joints: Mapping[str, Any]) -> dict[str, Coordinate]:
+    """Return the coordinates that follow no other one."""
+    tables = (own for joint in joints.values() if isinstance(own := joint.get("coordinates"), Mapping))
+    follow = {name for own in tables for name, entry in own.items() if "follows" in entry}
+    return {name: own for name, own in motion.coordinates.items() if name not in follow}
 
 
 def _motion(motion: RigidMotion) -> dict[str, Any]:
