@@ -41,8 +41,8 @@ def suggestion(word: str, allowed: Iterable[str]) -> str:
 def remedy_for(owner: str, name: str, allowed: Iterable[str]) -> str:
     """Return the remedy for a missing attribute."""
     elsewhere = tomllib.loads((files("vtkmuscle.core") / "words.toml").read_text(encoding="utf-8"))
-    known = {**elsewhere["any"], **elsewhere.get(owner, {})}
-    return f"write {known[name]}" if name in known else suggestion(name, allowed)
+    written = {**elsewhere["any"], **elsewhere.get(owner, {})}
+    return f"write {written[name]}" if name in written else suggestion(name, allowed)
 
 
 def listed(words: Sequence[str]) -> str:

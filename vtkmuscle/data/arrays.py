@@ -170,7 +170,7 @@ class Polylines:
         return self.points[self.offsets[i] : self.offsets[i + 1]]
 
     def moved(self, points: Floats, offsets: Ints | None = None) -> vtkPolyData:
-        """Return lines with new points and the source's arrays; with new offsets, without point arrays."""
+        """Return lines with new points and the source's arrays. With new offsets, without point arrays."""
         data: Any = self.data
         result = polylines_from(Polylines(points, self.offsets if offsets is None else offsets))
         result.GetCellData().ShallowCopy(data.GetCellData())

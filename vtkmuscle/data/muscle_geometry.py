@@ -81,9 +81,9 @@ class MuscleGeometry:
         """Return the surface between points (j,)."""
         return self.once("on", (patch,), lambda: PatchSamples(self.points, self.triangles, patch))
 
-    def once(self, what: str, given: Sequence[Any], compute: Callable[[], T]) -> T:
-        """Return a result, computed once for what is given by content. Those used last are kept."""
-        key = what, *(part.tobytes() if isinstance(part, np.ndarray) else part for part in given)
+    def once(self, what: str, inputs: Sequence[Any], compute: Callable[[], T]) -> T:
+        """Return a result, computed once for inputs of equal content. Results used last are kept."""
+        key = what, *(part.tobytes() if isinstance(part, np.ndarray) else part for part in inputs)
         self._known[key] = kept = self._known.pop(key, None) or (compute(),)
         for oldest in list(self._known)[:-RESULTS]:
             self._known.pop(oldest, None)

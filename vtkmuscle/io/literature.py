@@ -108,7 +108,7 @@ def curves_for(
 def literature_of(
     path: Path, muscles: Sequence[str], coordinates: Sequence[str] | None = None
 ) -> dict[str, tuple[LiteratureCurve, ...]]:
-    """Return the curves of muscles in a table; InputError without any, or any by the coordinates."""
+    """Return the curves of muscles in a table. InputError without any, or any by the coordinates."""
     curves = read_literature(path)
     published = {name: own for name in muscles if (own := curves_for(curves, muscle=name))}
     if not published:

@@ -150,7 +150,7 @@ def _with_fixed_points(
 
 
 def _draw_lines(axes: Axes, x: Floats, values: Floats, colours: Any, alpha: float) -> None:
-    """Draw thin lines (n, k) over x (n,), as a collection for speed; dots over a single x."""
+    """Draw thin lines (n, k) over x (n,). Dots over a single x."""
     if len(x) == 1:
         axes.scatter(np.repeat(x, values.shape[1]), values, s=9.0, color=colours, alpha=alpha)
         return

@@ -137,7 +137,7 @@ def _muscle(name: str, muscle: Muscle, motion: RigidMotion) -> dict[str, Any]:
 
 
 def _joints(scene: SceneData) -> dict[str, Any]:
-    """Return the joints of the scene's own file, empty for bones moved otherwise, and for mirrored scenes."""
+    """Return the joints of the scene's own file. Empty for bones moved otherwise, and mirrored scenes."""
     path, axes = scene.files.get(""), scene.motion.coordinates.values()
     table = parsed(path) if path and scene.joints and all(own.twists is not None for own in axes) else {}
     joints: dict[str, Any] = {} if "mirror" in table else table.get("joints", {})

@@ -81,8 +81,8 @@ class EmbeddedPoints:
             block, weights = slice(first, first + _BLOCK), self._weights.get(first)
             if weights is None:
                 weights = mean_value_coordinates(self.points, self.triangles, self.positions[block])
-                others = [kept() for kept in _kept.valuerefs()]
-                if weights.nbytes + sum(kept.nbytes for kept in others if kept is not None) <= _LARGEST_CACHE:
+                sizes = [kept() for kept in _kept.valuerefs()]
+                if weights.nbytes + sum(kept.nbytes for kept in sizes if kept is not None) <= _LARGEST_CACHE:
                     self._weights[first] = _kept[id(weights)] = weights
             moved[block] = transport(weights, vertices)
             report(min(block.stop, len(moved)) / len(moved))

@@ -308,21 +308,21 @@ MODEL, SHORTENED = 0.75, 4.0
 NORMAL = 1.96
 
 
-def mean_errors(values: Floats, ratios: Floats, **known: Floats) -> dict[str, Floats]:
+def mean_errors(values: Floats, ratios: Floats, **further: Floats) -> dict[str, Floats]:
     """Return the errors of means over a muscle's paths.
 
     ``total`` (f,) is the half width of the interval about the mean with the known answer in 95 % of the poses
     of phantoms: the root of the sum of squares of the parts ``model``, ``sampling`` (the mean is of k paths),
-    and those ``known``. NaN for a single path.
+    and those ``further``. NaN for a single path.
 
     values : (f, k), of the paths;
     ratios : (f,), mean lengths relative to rest;
-    known : (f,) each, further parts, in the unit of the values: ``numerical`` and ``bow``.
+    further : (f,) each, further parts, in the unit of the values: ``numerical`` and ``bow``.
     """
     count = values.shape[1]
     spread = values.std(axis=1, ddof=1) if count > 1 else np.full(len(values), np.nan)
     model = MODEL * (1.0 + SHORTENED * np.maximum(1.0 - ratios, 0.0)) * spread
-    parts = {"model": model, "sampling": NORMAL / np.sqrt(count) * spread, **known}
+    parts = {"model": model, "sampling": NORMAL / np.sqrt(count) * spread, **further}
     return {"total": np.linalg.norm(list(parts.values()), axis=0), **parts}
 
 

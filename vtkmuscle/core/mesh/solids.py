@@ -200,17 +200,17 @@ def _loops(rim: Ints) -> Ints:
         leaving.setdefault(int(rim[edge, 0]), []).append(edge)
     loop, count = np.empty(len(rim), dtype=np.int64), 0
     for point in list(leaving):
-        way, passed = list[int](), {point: 0}
+        chain, passed = list[int](), {point: 0}
         while leaving[point]:
-            way.append(leaving[point].pop())
-            point = int(rim[way[-1], 1])  # noqa: PLW2901
+            chain.append(leaving[point].pop())
+            point = int(rim[chain[-1], 1])  # noqa: PLW2901
             if point in passed:
-                closed = way[passed[point] :]
-                del way[passed[point] :]
+                closed = chain[passed[point] :]
+                del chain[passed[point] :]
                 for edge in closed[:-1]:
                     del passed[int(rim[edge, 1])]
                 loop[closed], count = count, count + 1
-            passed[point] = len(way)
+            passed[point] = len(chain)
     return loop
 
 

@@ -107,15 +107,17 @@ class Filter(Runnable, Algorithm):
 
     def parameters_that_count(self) -> dict[str, Any]:
         """Return the parameters that affect the result."""
-        given, declared = self._parameter_values, self.parameter_declarations.items()
+        values, declared = self._parameter_values, self.parameter_declarations.items()
         state = (self.GetMTime(),)
-        return self.once("used", state, lambda _: {n: given[n] for n, d in declared if d.counts_with(given)})
+        return self.once(
+            "used", state, lambda _: {n: values[n] for n, d in declared if d.counts_with(values)}
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         return partial(type(self), **self.parameters()), ()
 
     def __copy__(self, _memo: object = None) -> Self:
-        """Return a filter with the same parameters and connections, also as a deep copy."""
+        """Return a filter with the same parameters and connections. Also as a deep copy."""
         inputs = {port.name: port.read(self) for port in self.input_ports}
         return type(self)(**self.parameters(), **inputs)
 
