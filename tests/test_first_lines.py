@@ -40,6 +40,7 @@ LINES = {
     "Muscle('spindle.stl')": "pyvista.read(path)",
     "Muscle(mesh, [('origin', 'fixed', np.eye(3), True)]).attachments[0].role": "",
     "vtkmuscle.hinge(centre=(0, 0, 0), axis=(1, 0, 0), angles=[0, 30])": "bone",
+    "vtkmuscle.hinge('shank', (0, 0, 0), 'x', [0, 30])": "have a length, but is 'x'; e.g. (1, 0",
     "result['spindle'].lengths": "",
     "result['spindle'].moment_arms['distal_angle'].mean": "",
     "result['spindle'].architecture['pcsa_mm2']": "",

@@ -37,7 +37,7 @@ class MuscleAccessor(Remedies):
     >>> phantom = spindle_over_hinge()
     >>> mesh = pv.wrap(phantom.muscles["spindle"])
     >>> attachments = phantom.attachments["spindle"]
-    >>> fibres = mesh.muscle.fibres(attachments=attachments, n_fibres=10)
+    >>> fibres = mesh.muscle.fibres(attachments, n_fibres=10)
     >>> fibres.muscle.fibre_lengths().shape
     (10,)
     >>> fixed = mesh.muscle.fixed(phantom.bones, attachments)
@@ -94,16 +94,16 @@ class MuscleAccessor(Remedies):
         return last.apply(time=time)
 
     def fibres(
-        self, *, origin: Any = None, insertion: Any = None, attachments: Any = None, **settings: Any
+        self, attachments: Any = None, *, origin: Any = None, insertion: Any = None, **settings: Any
     ) -> Any:
         """Return fibres filling the muscle, polylines from origin to insertion.
 
         Parameters
         ----------
-        origin, insertion : (k, 3) array_like or vtkPolyData, optional
-            Landmarks of each area [mm], as points or a polyline; a ring repeats its first point.
         attachments : vtkMultiBlockDataSet or sequence of AttachmentArea, optional
             All areas, instead of ``origin`` and ``insertion``.
+        origin, insertion : (k, 3) array_like or vtkPolyData, optional
+            Landmarks of each area [mm], as points or a polyline; a ring repeats its first point.
         **settings
             Of :func:`vtkmuscle.pipelines.decompose`: ``template``, ``n_fibres``, ``resolution`` and so on.
         """

@@ -226,10 +226,11 @@ def hinge(
     >>> knee.at(15.0)["tibia"].shape
     (4, 4)
     """
-    direction = np.asarray(axis, dtype=np.float64)
+    direction = np.asarray(() if isinstance(axis, str) else axis, dtype=np.float64)
     length = np.linalg.norm(direction)
     if not (np.isfinite(length) and length > 0):
-        raise InputError("", f"the axis of a hinge must be finite and have a length, but is {axis!r}")
+        problem = f"the axis of a hinge must be finite and have a length, but is {axis!r}"
+        raise InputError("", problem, "e.g. (1, 0, 0)")
     times = np.asarray(angles, dtype=np.float64)
     if (np.diff(times) >= 180.0).any():
         raise InputError("", "successive angles of a hinge must differ by less than 180 degrees")
