@@ -31,7 +31,8 @@ class FixedPointDetector(Filter):
     ``"attachment"`` fixes the points within an area's landmarks, projected to the muscle on the side of the
     bone; an open curve fixes the points within the distance of the curve. ``"proximity"`` fixes points within
     the distance of a bone's surface, ``"collision"`` points in the boundary or inside voxels of a bone. A
-    point claimed by two bones belongs to the nearer bone (for attachments, with the nearest landmark).
+    point claimed by two bones belongs to the nearer bone (for attachments, the bone with the nearest
+    landmark).
 
     Parameters
     ----------
@@ -44,7 +45,7 @@ class FixedPointDetector(Filter):
     method
         Criterion for fixed points.
     distance
-        Distance from a bone (proximity) or from an open curve (attachment); None is the mean edge length.
+        Distance from a bone (proximity) or from an open curve (attachment); None is the muscle's mean edge.
     n_voxels
         Approximate number of voxels of a bone.
     n_voxels_per_axis

@@ -80,10 +80,8 @@ def init(
     >>> draft = vtkmuscle.init(["femur_r.stl", "pelvis.stl", "iliacus.stl"], "hip")  # doctest: +SKIP
     >>> result = vtkmuscle.Scene.load(draft.file).run()  # doctest: +SKIP
     """
-    folder, inputs = (
-        Path(out),
-        [Path(file) for file in ([files] if isinstance(files, str | PathLike) else files)],
-    )
+    inputs = [Path(file) for file in ([files] if isinstance(files, str | PathLike) else files)]
+    folder = Path(out)
     outputs = Outputs.for_file(folder / "scene.toml", inputs, overwrite=overwrite)
     stated = dict.fromkeys(map(plain_name, bones), "bone") | dict.fromkeys(map(plain_name, muscles), "muscle")
     draft = draft_of_files(inputs, folder, stated, frame, repair=repair)

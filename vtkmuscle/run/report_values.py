@@ -110,10 +110,8 @@ def _pennations(
 def architecture_table(muscles: Mapping[str, Mapping[str, Any]]) -> Table:
     """Return the architecture table of a report. A row per muscle with fibres."""
     columns = MEASURES["columns"]
-    of_muscles = {
-        name: muscle["architecture"] for name, muscle in muscles.items() if "architecture" in muscle
-    }
-    rows = ([name, *(values[key] for key in columns.values())] for name, values in of_muscles.items())
+    of = {name: muscle["architecture"] for name, muscle in muscles.items() if "architecture" in muscle}
+    rows = ([name, *(values[key] for key in columns.values())] for name, values in of.items())
     means = ([each["mean"] if isinstance(each, Mapping) else each for each in row] for row in rows)
     return Table(("muscle", *columns), means)
 

@@ -107,11 +107,9 @@ class Filter(Runnable, Algorithm):
 
     def parameters_that_count(self) -> dict[str, Any]:
         """Return the parameters that affect the result."""
-        values, declared = self._parameter_values, self.parameter_declarations.items()
+        own, declared = self._parameter_values, self.parameter_declarations.items()
         state = (self.GetMTime(),)
-        return self.once(
-            "used", state, lambda _: {n: values[n] for n, d in declared if d.counts_with(values)}
-        )
+        return self.once("used", state, lambda _: {n: own[n] for n, d in declared if d.counts_with(own)})
 
     def __reduce__(self) -> tuple[Any, ...]:
         return partial(type(self), **self.parameters()), ()
