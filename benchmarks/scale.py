@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import subprocess
 import sys
 import time
@@ -60,13 +61,13 @@ def scene_of(kind: str, size: int) -> tuple[Scene, int]:
 
 
 def _remeshed(surface: Any, triangles: int) -> Any:
-    """Return the surface with about so many triangles: each divided in four, then as many merged."""
-    mesh = pyvista.wrap(surface)
-    while mesh.n_cells < triangles:
-        mesh = mesh.subdivide(1, "linear")
-    if mesh.n_cells > triangles:
-        mesh = mesh.decimate(1.0 - triangles / mesh.n_cells)
-    return mesh.clean()
+    """Return the surface with about so many triangles: some are merged, then each divided in four."""
+    mesh, parts = pyvista.wrap(surface), 1
+    while mesh.n_cells * parts < triangles:
+        parts *= 4
+    if mesh.n_cells * parts > triangles:
+        mesh = mesh.decimate(1.0 - triangles / (mesh.n_cells * parts)).clean()
+    return mesh.subdivide(round(math.log(parts, 4)), "linear") if parts > 1 else mesh
 
 
 def measured(kind: str, size: int) -> dict[str, float]:
