@@ -97,9 +97,7 @@ def test_the_angle_to_superficial_fibres_is_reported(method):
 
 
 @pytest.mark.realdata
-@pytest.mark.gap(
-    "angle of fibres by planes to dissected fibres, gluteus maximus", "30.8 degrees", "30 degrees"
-)
+@pytest.mark.gap("angle of fibres by planes to dissected fibres, gluteus maximus", "31 degrees", "30 degrees")
 @pytest.mark.parametrize(("method", "largest"), [("plane", 32), ("harmonic", 30)])
 def test_dissected_fibres_that_deviate_are_warned_of(method, largest, lhdl_hip):
     scene = Scene.load(lhdl_hip / "scene.toml")

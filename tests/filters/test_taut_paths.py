@@ -72,11 +72,11 @@ def times_of(make, count):
 
 
 @pytest.mark.gap(
-    "difference of a path's length, alone and after other poses, in a via ring", "1.3 mm", "0.02 mm"
+    "difference of a path's length, alone and after other poses, in a via ring", "0.99 mm", "0.02 mm"
 )
 @pytest.mark.parametrize(("make", "name"), ROUND)
 def test_a_pose_asked_for_alone_is_the_pose_reached_through_all_frames(make, name):
-    bound = 1.3 if make == "tendon_through_ring" else 0.02
+    bound = 1.1 if make == "tendon_through_ring" else 0.02
     times = [float(time) for time in at_rest(make, name)[0].motion.times]
     swept, alone = paths_of(make, name), paths_of(make, name)
     through = {time: lengths(swept, time) for time in times}
@@ -86,11 +86,11 @@ def test_a_pose_asked_for_alone_is_the_pose_reached_through_all_frames(make, nam
 
 @pytest.mark.realdata
 @pytest.mark.gap(
-    "difference of a path's length, alone and after other poses, gluteus maximus", "0.26 mm", "0.02 mm"
+    "difference of a path's length, a last pose alone and after others, gluteus maximus", "0.1 mm", "0.02 mm"
 )
 @pytest.mark.parametrize(
     ("name", "bound"),
-    [("adductor_brevis", 0.02), ("gluteus_maximus", 0.3), ("gluteus_medius", 0.02), ("iliacus", 0.02)],
+    [("adductor_brevis", 0.02), ("gluteus_maximus", 0.15), ("gluteus_medius", 0.02), ("iliacus", 0.02)],
 )
 @pytest.mark.slow
 def test_a_pose_of_the_real_hip_asked_for_alone_is_the_pose_reached_through_all_frames(lhdl_hip, name, bound):
@@ -189,15 +189,12 @@ def test_segments_too_long_for_a_bone_cut_into_it(resolution, cuts):
     assert sag.max() < 4.0
 
 
-@pytest.mark.gap(
-    "difference of a path's lever and the slope of its length, strap round a cylinder", "0.32 mm", "0.3 mm"
-)
 def test_levers_are_slopes_of_lengths_and_may_be_left_out():
     paths = paths_of(*CASES[3])
     (coordinate,) = at_rest(*CASES[3])[0].motion.coordinates
     before, after = (lengths(paths, time) for time in (29.0, 31.0))
     arms = np.array(cell_array(paths.update(time=30.0).output, LEVERS + coordinate, "test"))
-    np.testing.assert_allclose(arms, -(after - before) / np.radians(2.0), rtol=0.0, atol=0.35)
+    np.testing.assert_allclose(arms, -(after - before) / np.radians(2.0), rtol=0.0, atol=0.3)
     assert np.abs(arms).min() > 5.0
     without = paths_of(*CASES[3], levers=False).update(time=30.0).output
     assert not [name for name in names_of("", without.GetCellData()) if name.startswith(LEVERS)]

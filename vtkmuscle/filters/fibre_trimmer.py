@@ -44,9 +44,10 @@ class FibreTrimmer(Filter):
     attachments
         Areas of both roles, landmarks near the muscle.
     end_rule
-        End of a fibre: its own where most fibres end on the area, else a share of the area; always a share,
-        as isolines may end all fibres at the rim and leave the muscle behind the area bare; or the point of
-        the area closest to the fibre's ray (Kohout et al. 2012), without new spacing of points.
+        ``"kept"``: fibres keep their ends where most fibres end on the area, else each fibre ends at a share
+        of the area. ``"shared"``: always at a share; isolines may end all fibres at the rim, and leave the
+        muscle behind the area bare. ``"closest"``: at the point of the area closest to the fibre's ray
+        (Kohout et al. 2012), without new spacing of points.
 
     Attributes
     ----------

@@ -52,7 +52,8 @@ class PathDeformer(Filter):
     rest_bones
         Bones at rest, in named blocks, as obstacles.
     bones
-        The same bones at the pipeline's time, each with the field array ``Transform`` (16): rest to now.
+        The same bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest
+        to now.
     neighbours
         Other muscles at the pipeline's time, as obstacles: outputs of a deformer, with the point array
         ``Displacement``.

@@ -48,7 +48,8 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
     rest_bones
         Bones in the rest pose.
     bones
-        The same bones at the pipeline's time, each with the field array ``Transform`` (16): rest to now.
+        The same bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest
+        to now.
     fibres
         Polylines in the rest pose; edges along fibres are soft.
     start

@@ -76,7 +76,8 @@ class TautPaths(Filter):
         segments have moment arms 1 % smaller than 32 and 64, which agree; time grows with the resolution.
     n_paths
         Number of solved paths; all, if there are no more fibres. Fewer carry the paths of the other fibres by
-        fixed weights; the output has the paths of all fibres. Time grows faster than this number.
+        fixed weights; the output has the paths of all fibres. Time grows faster than the number of solved
+        paths.
     levers
         Compute the moment arm of each path for each coordinate.
     bows
@@ -111,7 +112,8 @@ class TautPaths(Filter):
     Limitations
     -----------
     Paths have no mass, no friction and no activation. Too few segments give wrong lengths and levers on
-    strongly wrapped muscles, where ``Sag`` is large. The side of a bone may depend on the start.
+    strongly wrapped muscles, where ``Sag`` is large. The side of a bone depends on the start where both sides
+    are possible.
 
     Examples
     --------

@@ -126,14 +126,8 @@ def plot_lengths(
     look: dict[str, Any] = {"color": views.MUSCLE_RED, "linewidth": 0.7}
     _draw_lines(axes, np.asarray(times), values, views.MUSCLE_RED, 0.25)
     axes.plot([], [], alpha=0.5, label=f"{values.shape[1]} {of}s", **look)
-    axes.plot(
-        times,
-        values.mean(axis=1),
-        color="black",
-        linewidth=1.5,
-        marker="o" * (len(values) == 1),
-        label="mean",
-    )
+    mean, single = values.mean(axis=1), "o" * (len(values) == 1)
+    axes.plot(times, mean, color="black", linewidth=1.5, marker=single, label="mean")
     axes.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     return figure
 

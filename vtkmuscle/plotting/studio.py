@@ -12,14 +12,21 @@ from matplotlib import colormaps
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 from PIL import Image
-from vtkmodules import vtkRenderingCore
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonComputationalGeometry import vtkCardinalSpline
 from vtkmodules.vtkCommonCore import vtkLogger, vtkUnsignedCharArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkFiltersGeneral import vtkSplineFilter, vtkVertexGlyphFilter
-from vtkmodules.vtkRenderingCore import VTK_PHONG, vtkActor, vtkCamera, vtkPolyDataMapper, vtkProperty
+from vtkmodules.vtkRenderingCore import (
+    VTK_PHONG,
+    vtkActor,
+    vtkCamera,
+    vtkPolyDataMapper,
+    vtkProperty,
+    vtkRenderer,
+    vtkRenderWindow,
+)
 
 from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.types import Floats, Ints
@@ -167,9 +174,9 @@ class Studio:
     def __init__(self, detail: float = 1.0) -> None:
         self._detail, self.finer = detail, FINER * detail
         with x_server_warning_off():  # samples cost more in software than finer pixels
-            self._window = vtkRenderingCore.vtkRenderWindow(off_screen_rendering=True, multi_samples=0)
+            self._window = vtkRenderWindow(off_screen_rendering=True, multi_samples=0)
         # Muscles of one colour without back faces look the same in any order.
-        self._renderer = vtkRenderingCore.vtkRenderer(background=(1.0, 1.0, 1.0), use_oit=False)
+        self._renderer = vtkRenderer(background=(1.0, 1.0, 1.0), use_oit=False)
         self._window.AddRenderer(self._renderer)
         self._bones: dict[views.DrawnBone, vtkActor] = {}
 

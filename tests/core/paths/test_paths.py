@@ -77,7 +77,7 @@ def test_a_path_in_free_space_is_straight():
         np.testing.assert_allclose(state.points, straightened(state.points), atol=1e-9)
 
 
-@pytest.mark.gap("deviation of a free sheet of paths from straight lines, spindle", "3.3 mm", "0.01 mm")
+@pytest.mark.gap("deviation of a free sheet of paths from straight lines, spindle", "3.2 mm", "0.01 mm")
 def test_a_sheet_in_free_space_is_straight():
     """On its middle: those beside that are moved apart as it shortens."""
     poses = turned("spindle_over_ball", {}, "distal", angles(-10.0, 60.0, 7.0))
@@ -141,7 +141,7 @@ def test_the_flexor_flexes_over_its_brim(number, bound):
     assert max(np.abs(state.points[:, :, 0]).max() for state in states) < 4.0
 
 
-@pytest.mark.gap("error of the length, tendon through a via ring", "0.82 mm", "0.1 mm")
+@pytest.mark.gap("error of the length, tendon through a via ring", "0.83 mm", "0.1 mm")
 def test_a_ring_holds_the_tendon():
     """Fibres are at 2 mm to all sides of the middle: those in front come to the ring sooner."""
     known = strung_phantom("tendon_through_ring").phantom.known
@@ -149,14 +149,14 @@ def test_a_ring_holds_the_tendon():
     np.testing.assert_allclose(lengths(up(4)[1]).mean(axis=1), expected, atol=1.0)
 
 
-@pytest.mark.gap("error of the moment arm, free tendon", "1.26 %", "0.5 %")
+@pytest.mark.gap("error of the moment arm, free tendon", "1.2 %", "0.5 %")
 def test_without_its_ring_the_tendon_bowstrings():
     known = strung_phantom("tendon_through_ring").phantom.known
     at = angles(0.0, 60.0)
     poses = turned("tendon_through_ring", {}, "distal", at)
     free = lengths(swept(known_paths("tendon_through_ring", rings=False), poses))
     expected = [known["straight_moment_arm"](q) for q in at[:-WINDOW] + 0.5 * WINDOW * STEP]
-    np.testing.assert_allclose(mean_slopes(free).mean(axis=1), expected, rtol=0.015)
+    np.testing.assert_allclose(mean_slopes(free).mean(axis=1), expected, rtol=0.013)
 
 
 def test_the_slivered_tendon_gets_as_much_longer_as_it_is_pulled():
@@ -171,10 +171,10 @@ def test_the_slivered_tendon_gets_as_much_longer_as_it_is_pulled():
 # -------------------------------------------------------------------- virtual work
 
 
-@pytest.mark.gap("difference of lever and slope of a path's length, in a via ring", "4.4 mm", "1 mm")
+@pytest.mark.gap("difference of lever and slope of a path's length, in a via ring", "4 mm", "1 mm")
 @pytest.mark.parametrize(
     ("number", "mean", "each"),
-    [(0, 0.5, 1.0), (1, 0.3, 1.0), (2, 0.3, 1.0), (3, 0.5, 1.0), (4, 2.0, 5.0), (5, 0.3, 1.0)],
+    [(0, 0.5, 1.0), (1, 0.3, 1.0), (2, 0.3, 1.0), (3, 0.5, 1.0), (4, 2.0, 4.5), (5, 0.3, 1.0)],
 )
 def test_slopes_of_lengths_are_levers_of_the_pull(number, mean, each):
     """On the mean of the fibres, and of each."""
@@ -185,7 +185,7 @@ def test_slopes_of_lengths_are_levers_of_the_pull(number, mean, each):
     assert np.abs((slopes - arms).mean(axis=1)).max() < mean
 
 
-@pytest.mark.gap("error of the moment arm in abduction, flexed ball joint", "0.49 mm", "0.05 mm")
+@pytest.mark.gap("error of the moment arm in abduction, flexed ball joint", "0.12 mm", "0.05 mm")
 def test_moment_arms_in_abduction_of_a_flexed_ball():
     made = strung_phantom("spindle_over_ball")
     motion = spindle_over_ball(coordinates=[(30.0, q) for q in angles(-20.0, 20.0)]).motion
@@ -193,7 +193,7 @@ def test_moment_arms_in_abduction_of_a_flexed_ball():
     axis = rotation_about((0, 0, 0), AXIS, 30.0)[:3, 1]
     assert off_in_work(states, [1], np.zeros(3), axis).max() < 0.3
     known = np.array([made.phantom.known["length"](30.0, q) for q in angles(-20.0, 20.0)])
-    np.testing.assert_allclose(mean_slopes(lengths(states)).mean(axis=1), mean_slopes(known), atol=0.6)
+    np.testing.assert_allclose(mean_slopes(lengths(states)).mean(axis=1), mean_slopes(known), atol=0.15)
 
 
 # -------------------------------------------------------------------- what does not matter

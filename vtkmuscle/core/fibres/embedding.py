@@ -27,7 +27,7 @@ _BLOCK = 128
 #: Size up to which a process keeps weights [bytes], of 27 000 points in 10 000 vertices; further weights are
 #: computed again for each frame.
 _LARGEST_CACHE = 2**31
-#: The weights that are kept.
+#: Weights kept by any points of the process.
 _kept: WeakValueDictionary[int, Floats] = WeakValueDictionary()
 
 
@@ -81,8 +81,8 @@ class EmbeddedPoints:
             block, weights = slice(first, first + _BLOCK), self._weights.get(first)
             if weights is None:
                 weights = mean_value_coordinates(self.points, self.triangles, self.positions[block])
-                sizes = [kept() for kept in _kept.valuerefs()]
-                if weights.nbytes + sum(kept.nbytes for kept in sizes if kept is not None) <= _LARGEST_CACHE:
+                held = sum(kept.nbytes for kept in list(_kept.values()))
+                if held + weights.nbytes <= _LARGEST_CACHE:
                     self._weights[first] = _kept[id(weights)] = weights
             moved[block] = transport(weights, vertices)
             report(min(block.stop, len(moved)) / len(moved))

@@ -114,8 +114,10 @@ def _new_ends(
     into_muscle, tolerance, largest_cut = limits
     lengths = polylines.polyline_lengths(points, offsets)
     ends = points[offsets[1:] - 1]
-    kept = _ends_on_area(ends, area, tolerance) & (_sharpest_turns(points, offsets) <= LARGEST_TURN)
-    kept &= keep and kept.mean() > 0.5
+    kept = np.zeros(len(ends), dtype=np.bool_)
+    if keep:
+        kept = _ends_on_area(ends, area, tolerance) & (_sharpest_turns(points, offsets) <= LARGEST_TURN)
+        kept &= kept.mean() > 0.5
     extremal = (area.landmarks @ direction).min()
     cuts = np.minimum(beyond_plane(points, offsets, points @ direction - extremal), largest_cut * lengths)
     tried = np.minimum(np.outer(CUTS, cuts), largest_cut * lengths)

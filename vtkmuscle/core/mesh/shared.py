@@ -34,8 +34,8 @@ def keep_shared() -> Iterator[None]:
 def shared(make: Callable[P, T], *, last: int = 0) -> Callable[P, T]:
     """Return a function with shared results for equal arrays. A result lives while in use.
 
-    The object is made from copies of the arrays, of which a text is a kind, in a single thread. The function
-    itself keeps its ``last`` results.
+    The object is made from copies of the arrays and texts, in a single thread. The function itself keeps its
+    ``last`` results.
     """
     results: WeakValueDictionary[bytes, T] = WeakValueDictionary()
     latest: deque[T] = deque(maxlen=last)
