@@ -141,7 +141,7 @@ class PoseContact:
         contact, bone = self._contact, self._contact.bones[number]
         transform = np.array(self._transforms[contact.boxes.indices[number]])
         transform[:3, 3] -= self._centre
-        back, n = transform @ inverse(bone.axes), len(contact.rest)
+        back, n = transform @ bone.from_axes, len(contact.rest)
         field, last = bone.look_up(contact.clearance), contact.seen.get(number)
         if last is None:
             levels, seen_at, squares = contact.levels(number), np.zeros((n, 3)), np.zeros(n)

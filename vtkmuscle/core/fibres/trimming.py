@@ -276,7 +276,7 @@ def closest_to_ray(start: Floats, ahead: Floats, tree: TriangleTree) -> Floats:
     to_leaves, reach = 0.5 * (low + high) - start, np.linalg.norm(high - low, axis=1)
     aside = np.linalg.norm(to_leaves - np.maximum(to_leaves @ ahead, 0.0)[:, None] * ahead, axis=1)
     near = aside - reach <= (aside + reach).min()
-    corners = tree.corners[np.repeat(near, np.diff(tree.leaves))]
+    corners = tree.points[tree.triangles[tree.order[np.repeat(near, np.diff(tree.leaves))]]]
     edges = np.roll(corners, -1, axis=1) - corners
     normals = np.cross(edges[:, 0], edges[:, 1])
     with np.errstate(divide="ignore", invalid="ignore"):  # triangles without area, or along the ray

@@ -64,14 +64,15 @@ def _count(
                 continue
             leaf = node - (n_leaves - 1)
             for i in range(leaves[leaf], leaves[leaf + 1]):
-                if _is_below(queries[q], corners[i, 0], corners[i, 1], corners[i, 2], along):
+                if _is_below(queries[q], corners[leaf, :, i - leaves[leaf]], along):
                     odd = not odd
         inside[q] = odd
 
 
 @kernel
-def _is_below(query: Floats, a: Floats, b: Floats, c: Floats, along: int) -> bool:
-    """Return True for a triangle above a point. Along an axis. An edge belongs to one side."""
+def _is_below(query: Floats, corners: Floats, along: int) -> bool:
+    """Return True for a triangle (9,) above a point. Along an axis. An edge belongs to one side."""
+    a, b, c = corners[:3], corners[3:6], corners[6:]
     u, v = (along + 1) % 3, (along + 2) % 3
     x, y = query[u], query[v]
     ax, ay, bx, by, cx, cy = a[u], a[v], b[u], b[v], c[u], c[v]

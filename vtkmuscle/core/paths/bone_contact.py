@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -77,6 +78,13 @@ class BoneContacts:
         self._fields = [bone.look_up(reach) for bone, reach in zip(self._bones, reaches, strict=True)]
         self._work = np.empty(3)
 
+    def of_every(self, number: int, n: int) -> BoneContacts:
+        """Return the contacts of the first and each ``number``-th path from there on. Paths of n points."""
+        few = copy(self)
+        standoff = self._standoff.reshape(len(self.numbers), -1, n)[:, ::number]
+        few._standoff = np.ascontiguousarray(standoff.reshape(len(standoff), -1))
+        return few
+
     def proximity(self, transforms: Floats) -> Proximity:
         """Return a proximity in a pose of the bones (b, 4, 4), with no points looked up."""
         shape, pieces = self._standoff.shape, zip(self.numbers, self._bones, strict=True)
@@ -100,7 +108,7 @@ class BoneContacts:
                     break
             if beyond:
                 far = np.flatnonzero(np.isnan(gaps))
-                distance, outward = bone.exact(apply_transform(inverse(bone.axes), points[far]))
+                distance, outward = bone.exact(apply_transform(bone.from_axes, points[far]))
                 turn = to_axes[:3, :3].T @ bone.axes[:3, :3]
                 gaps[far], normals[far] = distance - standoff[far], outward @ turn.T
 
@@ -120,7 +128,7 @@ class BoneContacts:
             may, clear = np.maximum(gaps[:, 1:], gaps[:, :-1]) < reach, standoff + np.minimum(gaps, 0.0)
             kept, points = np.minimum(clear[:, 1:], clear[:, :-1])[may], near.points[k].reshape(f, n, 3)
             middles = 0.5 * (points[:, 1:][may] + points[:, :-1][may])
-            distance = bone.field(apply_transform(inverse(bone.axes), middles), within=kept)[0]
+            distance = bone.field(apply_transform(bone.from_axes, middles), within=kept)[0]
             sags[may] = np.maximum(sags[may], kept - distance)
         return np.asarray(sags.max(axis=1))
 
@@ -135,7 +143,7 @@ class BoneContacts:
         bone, turn = self._bones[k], near.to_axes[k, :3, :3].T @ self._bones[k].axes[:3, :3]
         pressed, shape = np.flatnonzero(pressure), pressure.shape
         moves = bone.cell * np.concatenate([np.eye(3), -np.eye(3)])
-        points = apply_transform(inverse(bone.axes), near.points[k, pressed])
+        points = apply_transform(bone.from_axes, near.points[k, pressed])
         sides = bone.field((points + moves[:, None]).reshape(-1, 3))[1].reshape(2, 3, -1, 3)
         normals = near.normals[k, pressed]
         force, gaps = pressure.reshape(-1)[pressed, None], near.gaps[k, pressed, None]

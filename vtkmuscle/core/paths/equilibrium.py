@@ -79,8 +79,9 @@ def gather_pairs(rows: Floats, pairs: Indices, lanes: Floats, first: int) -> Non
     Of the two points of each pair the differences of the first three numbers, and the sums of the next four,
     become rows of ``lanes``, from the row ``first`` on.
     """
+    starts, ends = pairs[0], pairs[1]
     for k in range(WIDTH):
-        a, b = rows[pairs[0, k]], rows[pairs[1, k]]
+        a, b = rows[starts[k]], rows[ends[k]]
         for c in range(3):
             lanes[(first + c) * WIDTH + k] = a[c] - b[c]
         for c in range(3, 7):
@@ -93,11 +94,22 @@ def pull_apart(forces: Floats, pairs: Indices, lanes: Floats) -> None:
 
     The second points get the opposite. The forces are (f n, 3).
     """
+    starts, ends, first, f0, f1, f2 = pairs[0], pairs[1], pairs[0, 0], 0.0, 0.0, 0.0
     for k in range(WIDTH):
-        i, j = pairs[0, k], pairs[1, k]
-        for c in range(3):
-            forces[i, c] += lanes[c * WIDTH + k]
-            forces[j, c] -= lanes[c * WIDTH + k]
+        i, j = starts[k], ends[k]
+        if i != first:
+            forces[first, 0] += f0
+            forces[first, 1] += f1
+            forces[first, 2] += f2
+            first, f0, f1, f2 = i, 0.0, 0.0, 0.0
+        g0, g1, g2 = lanes[k], lanes[WIDTH + k], lanes[2 * WIDTH + k]
+        f0, f1, f2 = f0 + g0, f1 + g1, f2 + g2
+        forces[j, 0] -= g0
+        forces[j, 1] -= g1
+        forces[j, 2] -= g2
+    forces[first, 0] += f0
+    forces[first, 1] += f1
+    forces[first, 2] += f2
 
 
 @lane
@@ -208,11 +220,12 @@ def prepare_solve(blocks: Floats, pairs: Indices, springs: Floats, sums: Floats,
         for c in range(6):
             sums[i, c] = 0.0
     for r in range(len(pairs)):
+        starts, ends, h = pairs[r, 0], pairs[r, 1], springs[r]
         for k in range(WIDTH):
-            i, j = pairs[r, 0, k], pairs[r, 1, k]
+            i, j = starts[k], ends[k]
             for c in range(6):
-                sums[i, c] += springs[r, c, k]
-                sums[j, c] += springs[r, c, k]
+                sums[i, c] += h[c, k]
+                sums[j, c] += h[c, k]
     for i in range(1, n - 1):
         for c in range(6):
             total = 0.0
@@ -342,14 +355,25 @@ def multiply(blocks: Floats, pairs: Indices, springs: Floats, x: Floats, y: Floa
             y[k, i, 0] = h[0] * p + h[1] * q + h[2] * r - x[k, i - 1, 0] - x[k, i + 1, 0]
             y[k, i, 1] = h[1] * p + h[3] * q + h[4] * r - x[k, i - 1, 1] - x[k, i + 1, 1]
             y[k, i, 2] = h[2] * p + h[4] * q + h[5] * r - x[k, i - 1, 2] - x[k, i + 1, 2]
-    a, b = x.reshape(f * n, 3), y.reshape(f * n, 3)
+    a, b, first = x.reshape(f * n, 3), y.reshape(f * n, 3), pairs[0, 0, 0] if len(pairs) else 0
+    p, q, s, f0, f1, f2 = a[first, 0], a[first, 1], a[first, 2], 0.0, 0.0, 0.0
     for r in range(len(pairs)):
+        starts, ends, h = pairs[r, 0], pairs[r, 1], springs[r]
         for k in range(WIDTH):
-            i, j, h = pairs[r, 0, k], pairs[r, 1, k], springs[r]
-            p, q, s = a[i, 0] - a[j, 0], a[i, 1] - a[j, 1], a[i, 2] - a[j, 2]
-            f0 = h[0, k] * p + h[1, k] * q + h[2, k] * s
-            f1 = h[1, k] * p + h[3, k] * q + h[4, k] * s
-            f2 = h[2, k] * p + h[4, k] * q + h[5, k] * s
-            for c, force in enumerate((f0, f1, f2)):
-                b[i, c] += force
-                b[j, c] -= force
+            i, j = starts[k], ends[k]
+            if i != first:  # pairs are in the order of their first points, whose sums wait in registers
+                b[first, 0] += f0
+                b[first, 1] += f1
+                b[first, 2] += f2
+                first, p, q, s, f0, f1, f2 = i, a[i, 0], a[i, 1], a[i, 2], 0.0, 0.0, 0.0
+            u, v, w = p - a[j, 0], q - a[j, 1], s - a[j, 2]
+            g0 = h[0, k] * u + h[1, k] * v + h[2, k] * w
+            g1 = h[1, k] * u + h[3, k] * v + h[4, k] * w
+            g2 = h[2, k] * u + h[4, k] * v + h[5, k] * w
+            f0, f1, f2 = f0 + g0, f1 + g1, f2 + g2
+            b[j, 0] -= g0
+            b[j, 1] -= g1
+            b[j, 2] -= g2
+    b[first, 0] += f0
+    b[first, 1] += f1
+    b[first, 2] += f2

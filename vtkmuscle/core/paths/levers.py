@@ -5,11 +5,12 @@ A lever is the change of a path's length as a coordinate moves the bones, with a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from vtkmuscle.core.jit import lane, vector_kernel
+from vtkmuscle.core.jit import kernel, lane, vector_kernel
 from vtkmuscle.core.paths.bone_contact import Load
 from vtkmuscle.core.paths.equilibrium import axes_of, gather_pairs, pull_apart, write_rows
 from vtkmuscle.core.paths.guides import Guides, with_bones
@@ -64,9 +65,7 @@ def path_levers(
         rates, by_loads = _rates_of(twist), np.zeros_like(points)
         velocity = with_bones(points, *ends, rates)  # to begin with
         for bone, (force, stiffness) in loads:  # which go with the bone, and turn with it
-            turn = rates[bone, :3, :3].T
-            with_bone = points @ turn + rates[bone, :3, 3]
-            by_loads += np.einsum("fnij,fnj->fni", stiffness, with_bone) + force @ turn
+            add_load(stiffness, force, points, rates[bone], by_loads)
         gradient = change(velocity)
         gradient[:, 1:-1] -= by_loads[:, 1:-1]
         part = -float(np.vdot(gradient, along_drift)) / (float(np.vdot(along_drift, along_drift)) or 1.0)
@@ -95,9 +94,41 @@ def path_levers(
 
 def pull_of(paths: Floats) -> Floats:
     """Return the pull of a unit tension in paths on their points, (f, n, 3)."""
-    segments = np.diff(paths, axis=1)
-    sizes = np.linalg.norm(segments, axis=2, keepdims=True)
-    return np.diff(segments / np.maximum(sizes, np.finfo(float).tiny), axis=1, prepend=0.0, append=0.0)
+    pulls = np.zeros(paths.shape)
+    _add_pulls(np.ascontiguousarray(paths), pulls)
+    return pulls
+
+
+@kernel
+def _add_pulls(paths: Floats, pulls: Floats) -> None:
+    for a in range(len(paths)):
+        for i in range(paths.shape[1] - 1):
+            p, q = paths[a, i], paths[a, i + 1]
+            x, y, z = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+            size = math.sqrt(x * x + y * y + z * z)
+            part = 1.0 / size if size > 0.0 else 0.0
+            for c, step in enumerate((x, y, z)):
+                pulls[a, i, c] += part * step
+                pulls[a, i + 1, c] -= part * step
+
+
+@kernel
+def add_load(stiffness: Floats, force: Floats, points: Floats, motion: Floats, forces: Floats) -> None:
+    """Add the forces of a load that moves points with a bone: K (M x) + M f.
+
+    stiffness, force : (f, n, 3, 3), (f, n, 3), K and f of a :class:`~vtkmuscle.core.paths.bone_contact.Load`;
+    motion : (4, 4), M, moves points x (f, n, 3) and turns forces, or gives their rates;
+    forces : (f, n, 3), added to.
+    """
+    for a in range(len(points)):
+        for i in range(points.shape[1]):
+            x, y, z, f, k = points[a, i, 0], points[a, i, 1], points[a, i, 2], force[a, i], stiffness[a, i]
+            u = motion[0, 0] * x + motion[0, 1] * y + motion[0, 2] * z + motion[0, 3]
+            v = motion[1, 0] * x + motion[1, 1] * y + motion[1, 2] * z + motion[1, 3]
+            w = motion[2, 0] * x + motion[2, 1] * y + motion[2, 2] * z + motion[2, 3]
+            for c in range(3):
+                turned = motion[c, 0] * f[0] + motion[c, 1] * f[1] + motion[c, 2] * f[2]
+                forces[a, i, c] += k[c, 0] * u + k[c, 1] * v + k[c, 2] * w + turned
 
 
 def _rates_of(twist: Floats) -> Floats:

@@ -14,7 +14,7 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.paths import equilibrium
 from vtkmuscle.core.paths.bone_contact import PUSH, BoneContacts, Load, add_contacts
 from vtkmuscle.core.paths.guides import Guides
-from vtkmuscle.core.paths.levers import change_gradient, path_levers, pull_of
+from vtkmuscle.core.paths.levers import add_load, change_gradient, path_levers, pull_of
 from vtkmuscle.core.paths.neighbours import WIDTH, Neighbours, path_widths, widening
 from vtkmuscle.core.paths.ring_contact import Rings, add_rings, hold_in_rings, ring_load, rings_at
 from vtkmuscle.core.paths.surroundings import Surroundings
@@ -103,7 +103,7 @@ class SheetPose:
     ) -> None:
         around, shape = sheet.around, sheet.fibres.shape
         f, n, _ = shape
-        self._sheet, self._middle = sheet, (points.min(axis=(0, 1)) + points.max(axis=(0, 1))) / 2.0
+        self._sheet, self._middle = sheet, 0.5 * (points[0, 0] + points[-1, -1])
         self.x = points - self._middle
         #: Each bone, with the stiffness (f, n, 3, 3) and pull (f, n, 3) of its tissue.
         self._tissue: list[tuple[int, Floats, Floats]] = []
@@ -112,14 +112,13 @@ class SheetPose:
         self._near = sheet.contacts.proximity(self._moved)
         held, self._pull = np.zeros((f, n, 3, 3)), np.zeros(shape)
         for k, number in enumerate(around.bones):
-            turn, shift = self._moved[number, :3, :3], self._moved[number, :3, 3]
-            stiffness = _turned(around.stiffness[k], turn)
-            home = sheet.fibres @ turn.T + shift
-            pull = np.einsum("fnij,fnj->fni", stiffness, home) + around.force[k] @ turn.T
+            stiffness, pull = np.empty_like(held), np.zeros(shape)
+            turn_blocks(around.stiffness[k], self._moved[number], stiffness)
+            add_load(stiffness, around.force[k], sheet.fibres, self._moved[number], pull)
             held += stiffness
             self._pull += pull
             self._tissue.append((number, stiffness, pull))
-        self._held = np.ascontiguousarray(held.reshape(f, n, 9)[:, :, [0, 1, 2, 4, 5, 8]])
+        self._held = held.reshape(f, n, 9).take([0, 1, 2, 4, 5, 8], axis=2)
         self._rings: Rings = rings_at(sheet.rings, transforms, self._middle, sheet.outside)
         nothing = np.zeros((len(sheet.rings), f), dtype=np.int64)
         self.ring_points = nothing if ring_points is None else ring_points.copy()
@@ -233,7 +232,7 @@ class SheetPose:
         shape = self._pressure.shape[1:]
         lacking = np.zeros(shape)
         depths = np.maximum(-self._near.gaps, 0.0)
-        for first, second in combinations(range(len(depths)), 2):
+        for first, second in combinations(np.flatnonzero(self._pressure.any(axis=(1, 2))), 2):
             against = -np.einsum("pi,pi->p", self._near.normals[first], self._near.normals[second])
             lacks = (against * (depths[first] + depths[second])).reshape(shape)
             pressed = (self._pressure[first] > 0.0) & (self._pressure[second] > 0.0)
@@ -333,7 +332,16 @@ def farthest_of(ways: Floats) -> float:
     return math.sqrt(most)
 
 
-def _turned(stiffness: Floats, turn: Floats) -> Floats:
-    """Return matrices in turned axes, T A T^T. Symmetric matrices A (f, n, 3, 3)."""
-    half = (stiffness.reshape(-1, 3) @ turn.T).reshape(-1, 3, 3)
-    return np.asarray((half.transpose(0, 2, 1).reshape(-1, 3) @ turn.T).reshape(stiffness.shape))
+@kernel
+def turn_blocks(blocks: Floats, motion: Floats, turned: Floats) -> None:
+    """Write matrices A (f, n, 3, 3) in the axes turned by a motion (4, 4), T A T^T."""
+    for a in range(len(blocks)):
+        for i in range(blocks.shape[1]):
+            block, result = blocks[a, i], turned[a, i]
+            for c in range(3):
+                u, v, w = motion[c, 0], motion[c, 1], motion[c, 2]
+                p = u * block[0, 0] + v * block[1, 0] + w * block[2, 0]
+                q = u * block[0, 1] + v * block[1, 1] + w * block[2, 1]
+                r = u * block[0, 2] + v * block[1, 2] + w * block[2, 2]
+                for d in range(3):
+                    result[c, d] = p * motion[d, 0] + q * motion[d, 1] + r * motion[d, 2]
