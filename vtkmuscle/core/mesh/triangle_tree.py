@@ -325,8 +325,8 @@ def _nearest_triangle(
     The search begins with the leaf ``guess``.
     """
     n_leaves = len(leaves) - 1
-    stack[0], to_box[0], size = n_leaves - 1 + guess, 0.0, 1
-    nearest, place, best, begun = guess, 0, np.inf, False
+    stack[0], stack[1], to_box[0], to_box[1], size = 0, n_leaves - 1 + guess, 0.0, 0.0, 2
+    nearest, place, best = guess, 0, np.inf
     while size:
         size -= 1
         node = stack[size]
@@ -343,13 +343,10 @@ def _nearest_triangle(
             size += 2
             continue
         leaf = node - (n_leaves - 1)
-        if leaf != guess or not begun:
-            _squares(corners[leaf].reshape(-1), x, y, z, apart)
-            for k in range(PER_LEAF):
-                if apart[k] < best:
-                    nearest, place, best = leaf, k, apart[k]
-        if not begun:
-            stack[0], to_box[0], size, begun = 0, 0.0, 1, True
+        _squares(corners[leaf].reshape(-1), x, y, z, apart)
+        for k in range(PER_LEAF):
+            if apart[k] < best:
+                nearest, place, best = leaf, k, apart[k]
     return nearest, place, best
 
 
