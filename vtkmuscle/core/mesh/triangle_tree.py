@@ -16,14 +16,12 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.shared import digest, shared
 from vtkmuscle.core.mesh.surface import numbered_edges, points_in_box
-from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
 
 #: Most triangles in a leaf, on average.
 PER_LEAF = 8
 #: Shift of a triangle's centre by its number, as a part of the surface's size.
 _SLOPE = 1e-12
-#: Distance of a point on the surface, as a part of the surface's size: too near for a direction away.
-_ON_SURFACE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +104,7 @@ class TriangleTree:
         distances, closest, normals = self._sided(queries)
         size = float(np.abs(self.boxes[0, 3:] - self.boxes[0, :3]).max())
         away = (queries - closest) * np.where(distances < 0.0, -1.0, 1.0)[:, None]
-        directions = np.where(np.abs(distances)[:, None] > _ON_SURFACE * size, away, normals)
+        directions = np.where(np.abs(distances)[:, None] > ROUNDING * size, away, normals)
         return distances, closest, unit_vectors(directions)
 
 
