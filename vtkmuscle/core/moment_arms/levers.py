@@ -130,10 +130,8 @@ class MotionTwists:
         return result
 
 
-#: Largest rotation of a bone between equal poses [degrees], plus a part of the rotation between frames, as
-#: poses between frames are interpolated. Without the part a hip, a knee and an arm have the same results.
+#: Largest rotation of a bone between equal poses [degrees].
 SAME_POSE = 1.0
-SAME_POSE_PART = 0.1
 
 
 def frames_of_sweep(motion: RigidMotion, coordinate: str) -> Bools:
@@ -161,14 +159,13 @@ def _conflicts(values: Floats, rotations: Rotation) -> Iterator[tuple[int, int]]
         between = order[np.searchsorted(ascending, low, "left") : np.searchsorted(ascending, high, "right")]
         between = between[(between != i) & (between != i + 1)]
         step = (rotations[i].inv() * rotations[i + 1]).as_rotvec()
-        allowed = np.radians(SAME_POSE) + SAME_POSE_PART * np.linalg.norm(step)
-        if low == high and np.linalg.norm(step) > allowed:
+        if low == high and np.linalg.norm(step) > np.radians(SAME_POSE):
             yield i, i + 1
         if len(between):
             gone = values[between] - values[i]  # 0 if the value stays
             parts = gone / (values[i + 1] - values[i]) if low < high else gone
             expected = rotations[i] * Rotation.from_rotvec(np.outer(parts, step))
-            apart = (expected.inv() * rotations[between]).magnitude() > allowed
+            apart = (expected.inv() * rotations[between]).magnitude() > np.radians(SAME_POSE)
             yield from ((min(i, j), max(i + 1, j)) for j in between[apart].tolist())
 
 

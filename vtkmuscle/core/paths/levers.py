@@ -22,11 +22,6 @@ from vtkmuscle.core.types import FloatMap, Floats, Ints
 #: whatever the solution begins with.
 TOLERANCE, STEPS = 1e-4, 16
 
-#: A step that changes the levers by more than this many times the largest before is left out, and the last.
-#: Steps get smaller, or grow up to threefold; by ten times they grow where a path is about to snap to another
-#: equilibrium: the response has no bound there, and says nothing of the pose after it.
-LARGEST_GROWTH = 5.0
-
 
 def path_levers(
     points: Floats, ends: tuple[Ints, Ints], loads: Sequence[tuple[int, Load]], twists: Floats, drift: Floats,
@@ -72,14 +67,10 @@ def path_levers(
         part = -float(np.vdot(gradient, along_drift)) / (float(np.vdot(along_drift, along_drift)) or 1.0)
         velocity += part * start
         gradient += part * along_drift
-        least, largest = TOLERANCE * float(np.linalg.norm(velocity[:, [0, -1]], axis=2).max()), 0.0
+        least = TOLERANCE * float(np.linalg.norm(velocity[:, [0, -1]], axis=2).max())
         for more in _responses(gradient, change, step):
-            size = float(np.sqrt((np.einsum("fni,fni->f", pull, more) ** 2).mean()))
-            if largest > 0.0 and size > LARGEST_GROWTH * largest:
-                break
             velocity += more
-            largest = max(largest, size)
-            if size < least:
+            if np.sqrt((np.einsum("fni,fni->f", pull, more) ** 2).mean()) < least:
                 break
         if carried is not None:
             velocity = carried[0].carry(velocity, rates @ carried[1])
