@@ -332,9 +332,6 @@ def _distance2(corners: Floats, x: float, y: float, z: float) -> float:
     return (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
 
 
-#: Displacement after which a point is tested again, as a part of its distance from the neighbour.
-_SURELY_CLEAR = 0.9
-
 #: Displacement within which a neighbour's surface counts as flat, as a part of its mean edge.
 _FLAT = 0.25
 
@@ -379,7 +376,7 @@ class MuscleContact:
             if len(stale):
                 distance, closest, normal[stale] = tree.tangent_planes(p[stale] + self._centre)
                 nearest[stale], seen_from[stale] = closest - self._centre, p[stale]
-                valid_for[stale] = np.maximum(_SURELY_CLEAR * distance, _FLAT * tree.mean_edge) ** 2
+                valid_for[stale] = np.maximum(distance, _FLAT * tree.mean_edge) ** 2
             height = np.einsum("ij,ij->i", p[boxed] - nearest[boxed], normal[boxed])
             push = -allowance[boxed] - height
             deep = boxed[push > 0.0]

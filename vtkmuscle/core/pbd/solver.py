@@ -20,6 +20,7 @@ from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.contact import BoneContact, PoseContact
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fixed_muscle import FixedMuscle
+from vtkmuscle.core.jit import LANES
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.rest_shape import RestShape, Volume, project_volume
 from vtkmuscle.core.mesh.triangle_tree import Near
@@ -195,7 +196,7 @@ class PBDSolver:
         volume = topology.triangles, shape.volume, parameters.volume_stiffness, 0.0
         self._volume = self._mass, np.ones(len(points)), *volume, np.empty_like(self.rest)
         self._exact = Volume(shape, free)
-        self._buffer = np.empty(12 * sweep.WIDTH)
+        self._buffer = np.empty(12 * LANES)
         self._as_carried: Floats | None = None  # constants of the edges, with their lengths in a pose
 
     def at_rest(self, n_bones: int) -> State:
