@@ -29,8 +29,6 @@ COLUMNS = (
     *("difference", "difference_rms", "difference_largest", "at"),
 )
 _LENGTH = "length, bone to bone"
-#: Size of a panel of the figure [inches].
-_WIDTH, _HEIGHT = 4.8, 3.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +90,13 @@ class Comparison:
 
     def figure(self) -> Figure:
         """Return a figure of all curves. A row of panels per muscle, a panel per quantity."""
-        from vtkmuscle.plotting.figures import draw_literature  # noqa: PLC0415 -- a table needs no figure
+        from matplotlib import rcParams  # noqa: PLC0415 -- a table needs no figure
+
+        from vtkmuscle.plotting.figures import draw_literature  # noqa: PLC0415
         from vtkmuscle.plotting.sheets import blank_figure  # noqa: PLC0415
 
-        across = max(1, *map(len, self.curves.values()))
-        figure = blank_figure(_WIDTH * across, _HEIGHT * len(self.curves) + 0.5, "constrained")
+        across, (width, height) = max(1, *map(len, self.curves.values())), rcParams["figure.figsize"]
+        figure = blank_figure(width * across, height * len(self.curves), "constrained")
         panels = figure.subplots(len(self.curves), across, squeeze=False)
         for row, (muscle, quantities) in zip(panels, self.curves.items(), strict=True):
             for axes in row[len(quantities) :]:

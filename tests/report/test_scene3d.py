@@ -75,7 +75,7 @@ def test_of_many_frames_as_many_are_shown_as_a_page_bears(count, most):
 
 
 def test_of_many_fibres_some_are_drawn(run_folder, monkeypatch):
-    monkeypatch.setattr(scene3d, "FIBRE_POINTS", 2 * 5 * 6 * 3)
+    monkeypatch.setattr(scene3d, "POINTS", 2 * 5 * 6 * 3)
     pack = Pack()
     for one in scene3d.scene_of(run_folder[1], pack)["muscles"]:
         fibres = one["fibres"]

@@ -35,6 +35,9 @@ from vtkmuscle.core.machine import FOLDER_VARIABLE, cache_folder
 
 F = TypeVar("F", bound=Callable[..., object])
 
+#: Numbers that kernels compute side by side: two vectors of eight, or four of four.
+LANES = 16
+
 #: Versions of a file's kernels on disk, last used, by any copy of the package.
 VERSIONS = 8
 

@@ -172,8 +172,9 @@ BULGE = 2.0
 FARTHEST = 0.05
 #: Largest part of a muscle's surface that an aponeurosis may cover: the two sides of a sheet have half each.
 COVERS = 0.6
-#: Distance of positions on a surface, in mean edges: rounding and projection, well below an edge.
-TOUCHING = 0.1
+#: Distance of positions on a surface, in mean edges: the mesh's own roughness. 0.1 and 0.5 move the points of
+#: fibres in ten muscles of a hip and a knee by at most 0.8 mm (root mean square).
+ROUGHNESS = 0.25
 #: Sample positions on a surface: standard error of a share of 5 % is 1 %.
 SAMPLES = 512
 
@@ -286,4 +287,4 @@ def _share_in(first: EndSurface, second: EndSurface, geometry: MuscleGeometry) -
     if not len(second.samples.faces):
         return 0.0
     distances = second.samples.distances(first.samples.dense(SAMPLES))
-    return float((distances < TOUCHING * geometry.mean_edge).mean())
+    return float((distances < ROUGHNESS * geometry.mean_edge).mean())

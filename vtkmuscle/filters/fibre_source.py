@@ -10,7 +10,7 @@ from vtkmuscle.core.fibres import between_areas
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
 from vtkmuscle.data.attachments import ROLES, Aponeurosis, Areas, aponeuroses_of, areas_of_role
-from vtkmuscle.data.muscle_geometry import Surface, aponeurosis_surfaces, joined_surface
+from vtkmuscle.data.muscle_geometry import ROUGHNESS, Surface, aponeurosis_surfaces, joined_surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
@@ -21,8 +21,8 @@ from vtkmuscle.filters.template_fitter import TemplateFitter
 #: Least filled part of a muscle with straight fibres. A block between plates has 1, a measured gastrocnemius
 #: between aponeuroses 0.69, spindles attached at their ends 0.04 to 0.5.
 LEAST_FILLED = 0.6
-#: Largest part of straight fibres outside of the muscle, and the departure that counts, in mean edges.
-MOST_LEAVING, LEAVING = 0.1, 0.25
+#: Largest part of straight fibres outside of the muscle.
+MOST_LEAVING = 0.1
 
 
 class FibreSource(Filter):
@@ -129,7 +129,7 @@ class FibreSource(Filter):
         filled = between_areas.filled_share(fibres, origin, insertion, volume) if volume > 0.0 else 0.0
         self.report_progress(0.6)
         outside = between_areas.departures(fibres, geometry.solids.into)
-        leaving = float((outside > LEAVING * geometry.mean_edge).mean())
+        leaving = float((outside > ROUGHNESS * geometry.mean_edge).mean())
         suits = filled > LEAST_FILLED and leaving <= MOST_LEAVING
         if suits or self.course == "straight" or aponeuroses is not None:
             bent = outside > 0.0

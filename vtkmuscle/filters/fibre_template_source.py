@@ -6,7 +6,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import errors_at
-from vtkmuscle.core.fibres.trimming import BATCH
+from vtkmuscle.core.fibres.between_areas import AT_ONCE
 from vtkmuscle.core.mesh.sampling import space_order
 from vtkmuscle.core.template import KINDS, TEMPLATES, read_template, sobol_points
 from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
@@ -80,7 +80,7 @@ class FibreTemplateSource(Filter):
         parameters = sobol_points(self.n_fibres)
         # Every second or eighth Sobol point is in one part of the square, but areas are divided among batches
         # of every n-th fibre, which must cover the square.
-        if self.n_fibres > BATCH:
+        if self.n_fibres > AT_ONCE:
             parameters = parameters[space_order(parameters)]
         r, s = parameters.T
         t = np.linspace(0.0, 1.0, self.resolution + 1)

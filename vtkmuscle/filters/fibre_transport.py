@@ -10,7 +10,7 @@ from vtkmuscle.core.fibres.embedding import EmbeddedPoints, Tendons
 from vtkmuscle.core.mesh.triangle_tree import shared_tree
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays
-from vtkmuscle.data.muscle_geometry import TOUCHING, Surface
+from vtkmuscle.data.muscle_geometry import ROUGHNESS, Surface
 from vtkmuscle.data.paths import PathLines
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
@@ -197,4 +197,4 @@ def _on_bone(muscle: Surface, ends: Floats) -> Bools:
         return np.zeros(ends.shape[:2], dtype=np.bool_)
     faces, _, apart = shared_tree(geometry.points, geometry.triangles).nearest(ends.reshape(-1, 3))
     on_bone = (np.asarray(fixed_to) >= 0)[geometry.triangles[faces]].all(axis=1)
-    return (on_bone & (apart <= TOUCHING * geometry.mean_edge)).reshape(ends.shape[:2])
+    return (on_bone & (apart <= ROUGHNESS * geometry.mean_edge)).reshape(ends.shape[:2])

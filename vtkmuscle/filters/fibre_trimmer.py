@@ -12,13 +12,9 @@ from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
 from vtkmuscle.data.attachments import Areas
-from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface, inner_areas
+from vtkmuscle.data.muscle_geometry import ROUGHNESS, MuscleGeometry, Surface, inner_areas
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
-#: Largest distance between a fibre's end and an area, or a fibre and the muscle, in mean edges: below it a
-#: distance is the mesh's own roughness. 0.1 and 0.5 move the points of fibres in ten muscles of a hip and a
-#: knee by at most 0.8 mm (root mean square).
-TOLERANCE = 0.25
 #: Largest part of a fibre's length that is cut off at either end: beyond, the ends would meet.
 LARGEST_CUT = 0.5
 
@@ -108,7 +104,7 @@ class FibreTrimmer(Filter):
         if self.end_rule == "closest":
             printed = ends_as_printed(points, offsets, axis=axis, origin=origin, insertion=insertion)
             return fibres.moved(*printed)
-        limits = geometry.solids.into, TOLERANCE * geometry.mean_edge, LARGEST_CUT
+        limits = geometry.solids.into, ROUGHNESS * geometry.mean_edge, LARGEST_CUT
         areas, keep = (origin, insertion), self.end_rule == "kept"
         trimmed = trim_fibres(points, offsets, axis=axis, areas=areas, limits=limits, keep=keep)
         kept = (trimmed == points).all(axis=1)
@@ -124,7 +120,7 @@ def _end_area(role: str, areas: Areas, geometry: MuscleGeometry, ends: Floats) -
     inner, outer = geometry.once("discs", rings, lambda: _discs_of(role_areas, geometry))
     landmarks = np.vstack([area.landmarks for area in role_areas])
     # The area may be hollow, or the landmarks inexact: the template's fibre ends decide.
-    if inner is not None and (inner.distances(ends) <= TOLERANCE * geometry.mean_edge).mean() > 0.5:
+    if inner is not None and (inner.distances(ends) <= ROUGHNESS * geometry.mean_edge).mean() > 0.5:
         return EndArea(landmarks, inner)
     return EndArea(landmarks, covered, outer)
 
@@ -136,7 +132,7 @@ def _discs_of(areas: Areas, geometry: MuscleGeometry) -> tuple[PatchSamples | No
     for ring in (area.landmarks for area in areas if area.closed):
         points, triangles = discs_over([ring])
         away = np.abs(geometry.solids.distances(points[triangles].mean(axis=1)))
-        if away.max() <= TOLERANCE * geometry.mean_edge:
+        if away.max() <= ROUGHNESS * geometry.mean_edge:
             flat.append(ring)
     return _samples(*inner_areas(areas, geometry)), _samples(*discs_over(flat))
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.attachments.patches import ring_length
 from vtkmuscle.core.errors import InputError, check_is_file, fault_of
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import survey
@@ -30,7 +31,7 @@ from vtkmuscle.labels.guesses import FACING, LEFT_OUT, Guess, guessed_joints, mo
 from vtkmuscle.labels.reading import kind_of
 from vtkmuscle.scene.checks import closed_surface, repaired_surface
 from vtkmuscle.scene.data import words_of
-from vtkmuscle.scene.reading import areas_in_contact
+from vtkmuscle.scene.reading import areas_in_contact, goes_round
 from vtkmuscle.scene.sense import CHECKS, other_units
 from vtkmuscle.scene.writing import inline_toml, write_areas
 
@@ -204,8 +205,6 @@ def _motion(limits: Mapping[str, float], path: Path) -> dict[str, Any]:
 #: Longest side of a surface [mm]: of an adult's femur; and below which the distances of guesses, found for
 #: adults, scale, as for the bones of small animals, hands and feet.
 HUMAN, SMALLEST = 400.0, 100.0
-#: Largest gap between last and first landmark of a ring, in median steps.
-RING_GAP = 2.0
 _AREA = re.compile(rf"^(.+)_({'|'.join((*ROLES, VIA))})(?:_(.*))?$")
 
 
@@ -330,9 +329,9 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
             why = f"{role} on {bone!r}, {gaps[bone]:.1f} mm from the landmarks in {file.name}"
             draft.guess(key, f"{role}: {bone}", sure, why)
         if not closed and len(points) > 3:
-            steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-            gap = float(np.linalg.norm(points[-1] - points[0]) / max(float(np.median(steps)), 1e-9))
-            closed = gap <= RING_GAP or role == VIA
-            why = f"{role}: the last landmark is {gap:.1f} median steps from the first"
-            draft.guess(key, "a ring" if closed else "an open curve", min(1.0, abs(gap - RING_GAP)), why)
+            gap = float(np.linalg.norm(points[-1] - points[0])) / max(ring_length(points), 1e-300)
+            why = f"{role}: the gap from the last landmark to the first is {100.0 * gap:.0f} % of the ring"
+            closed, likely = goes_round(points) or role == VIA, 2.0 * gap  # half of it for a straight line
+            what = ("a ring", 1.0 - likely) if closed else ("an open curve", likely)
+            draft.guess(key, *what, why)
         draft.areas.setdefault(muscle, []).append(AttachmentArea(role, bone, points, closed, False, sure))

@@ -20,8 +20,8 @@ from vtkmuscle.data.arrays import blocks_of, points_of, polylines_from, polyline
 
 #: Approximate number of triangles of all bones: a picture has fewer pixels per bone than triangles beyond.
 TRIANGLES = 100_000
-#: Least triangles of a bone, and most grid cells along an axis: cell numbers stay within 64 bits.
-_LEAST, _MOST_CELLS = 600, 400
+#: Least triangles of a bone or muscle, and most grid cells along an axis: cell numbers stay within 64 bits.
+LEAST_TRIANGLES, _MOST_CELLS = 600, 400
 #: Number of points spread over a surface: one for each hundred pixels of a picture of a million.
 SPREAD = 10_000
 
@@ -61,7 +61,7 @@ class DrawnBones:
             normals, report = vertex_normals(points, triangles), survey(points, triangles)
             solid = report.closed and report.oriented and report.volume > 0.0
             if total > TRIANGLES:
-                wanted = max(int(len(triangles) * TRIANGLES / total), _LEAST)
+                wanted = max(int(len(triangles) * TRIANGLES / total), LEAST_TRIANGLES)
                 kept, triangles = clustered(points, triangles, report.area, wanted)
                 points, normals = points[kept], normals[kept]
             drawn[name] = DrawnBone(points, triangles, normals, solid)

@@ -18,7 +18,7 @@ from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
 from vtkmuscle.data.label_images import decimated
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn, label_of
-from vtkmuscle.plotting.views import PALETTE, clearest_view, merged
+from vtkmuscle.plotting.views import LEAST_TRIANGLES, PALETTE, clearest_view, merged
 
 if TYPE_CHECKING:
     from vtkmuscle.run.result import Result
@@ -78,9 +78,9 @@ class Pack:
 #: Frames, and single fibres of a muscle, on a page, at most: pixels of a curve are about as many.
 MOST_SHOWN = 120
 #: Points of all muscles, and of all fibres, in all frames of a page, at most.
-MUSCLE_POINTS, FIBRE_POINTS = 1_000_000, 600_000
-#: Least and largest number of triangles per muscle.
-LEAST, MOST = 600, 12_000
+POINTS = 1_000_000
+#: Largest number of triangles per muscle.
+MOST = 12_000
 
 
 def scene_of(run: Result, pack: Pack) -> dict[str, Any]:
@@ -89,12 +89,12 @@ def scene_of(run: Result, pack: Pack) -> dict[str, Any]:
     scale = MILLIMETRES[run.report["units"]]
     surfaces = run.report["deformer"] != "none"
     count = len(run.muscle_names)
-    budget = MUSCLE_POINTS // max(count * (len(shown) + 1), 1)
+    budget = POINTS // max(count * (len(shown) + 1), 1)
     muscles = []
     for number, name in enumerate(run.muscle_names):
         done = [i for i in shown if i < run.finished(name)]
         surface = _muscle(run, name, done, 2 * budget, pack) if surfaces else None
-        fibres = _fibres(run, name, done, FIBRE_POINTS // count, scale, pack)
+        fibres = _fibres(run, name, done, POINTS // count, scale, pack)
         muscles.append({"name": name, "colour": colour_of(number), "surface": surface, "fibres": fibres})
     whole = merged(run.track(name).rest for name in run.muscle_names)
     view = {"towards": clearest_view([whole], [run.drawn_bones.spread()]).direction.tolist()}
@@ -128,7 +128,7 @@ def _muscle(run: Result, name: str, done: list[int], target: int, pack: Pack) ->
     rest, surfaces = run.track(name).rest, run.track(name).surfaces
     points, triangles = points_of(rest), triangles_of(rest, name)
     chosen = np.arange(len(points))
-    target = min(max(target, LEAST), MOST)
+    target = min(max(target, LEAST_TRIANGLES), MOST)
     if len(triangles) > target:
         chosen, triangles = _thinned(points, triangles, target)
     moved = [points[chosen], *(points_of(surfaces[i])[chosen] for i in done)]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.motion.blending import screws
 from vtkmuscle.core.motion.coordinates import ANGLES, MILLIMETRES, Coordinate
-from vtkmuscle.core.motion.rigid import RigidMotion, frame_at, hinge, inverses, rotation_about
+from vtkmuscle.core.motion.rigid import SIX_DIGITS, RigidMotion, frame_at, hinge, inverses, rotation_about
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io import motion_columns, read_motion_table
@@ -190,8 +190,8 @@ def joints_of(table: schema.SceneTable, files: SceneFiles) -> SceneJoints | None
     return SceneJoints(_at_rest(tree), {bone: bone for bone in table.bones}, GROUND, GROUND)
 
 
-#: Largest difference of a pose from a turn about one axis: in rotation matrices, and in translations [mm].
-_TURN, _SHIFT = 1e-5, 0.01
+#: Largest difference of a pose's translation from that of a turn about one axis [mm].
+_SHIFT = 0.01
 
 
 def pin_joint_of(
@@ -217,7 +217,7 @@ def pin_joint_of(
     rest = float(angles[0] - screws(poses[:1])[0, 3:] @ axis)
     turned = np.array([rotation_about(centre, axis, np.degrees(angle - rest)) for angle in angles])
     off = np.abs(turned - poses).max(axis=0)
-    if off[:3, :3].max() > _TURN or millimetres * off[:3, 3].max() > _SHIFT:
+    if off[:3, :3].max() > SIX_DIGITS or millimetres * off[:3, 3].max() > _SHIFT:
         return None
     parent, *welded = still
     frame = frame_at(centre)

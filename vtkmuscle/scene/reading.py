@@ -125,7 +125,7 @@ def _areas(key: str, tables: list[Area], files: SceneFiles, scene: SceneTable) -
         if read is None:
             continue
         landmarks, closed = read
-        if area.closed is None and not closed and area.role != VIA and _goes_round(landmarks):
+        if area.closed is None and not closed and area.role != VIA and goes_round(landmarks):
             problem, remedy = words_of("open_curve")
             warnings.warn(str(SceneError(problem, where, remedy, files.paths[""])), stacklevel=2)
         closed = area.role == VIA or (closed if area.closed is None else area.closed)
@@ -133,7 +133,7 @@ def _areas(key: str, tables: list[Area], files: SceneFiles, scene: SceneTable) -
     return areas
 
 
-def _goes_round(landmarks: Floats) -> bool:
+def goes_round(landmarks: Floats) -> bool:
     """Return whether landmarks nearly close and enclose an area."""
     if len(landmarks) < 4:
         return False

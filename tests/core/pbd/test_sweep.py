@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from spindle import spindle
 
+from vtkmuscle.core.jit import LANES
 from vtkmuscle.core.mesh.rest_shape import dihedral_angles
 from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology
-from vtkmuscle.core.pbd.sweep import WIDTH, edge_rows, project_edges, rows_of_edges, turn_from
+from vtkmuscle.core.pbd.sweep import edge_rows, project_edges, rows_of_edges, turn_from
 
 POINTS, TRIANGLES, FIXED_TO = spindle(seed=4)
 TOPOLOGY = mesh_topology(len(POINTS), TRIANGLES)
@@ -23,7 +24,7 @@ def test_each_edge_is_in_a_row_with_no_other_of_its_points():
     for row in rows:
         points = QUADS[row[row >= 0]].reshape(-1)
         assert len(set(points.tolist())) == len(points)
-    assert rows.shape[1] == WIDTH
+    assert rows.shape[1] == LANES
 
 
 @given(phi=st.floats(-math.pi, math.pi), phi0=st.floats(-math.pi, math.pi), size=st.floats(1e-3, 1e3))
@@ -36,7 +37,7 @@ def test_a_turn_is_the_difference_of_angles(phi, phi0, size):
 
 def projected(p, mass, rows, *, lengths=True, angles=True, signed=True):
     extended = np.vstack([p, np.zeros(3)])
-    project_edges(extended, rows.points, rows.constants, lengths, angles, signed, np.empty(12 * WIDTH))
+    project_edges(extended, rows.points, rows.constants, lengths, angles, signed, np.empty(12 * LANES))
     assert not extended[-1].any()
     return extended[:-1]
 

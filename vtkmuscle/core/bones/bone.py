@@ -18,7 +18,7 @@ from vtkmuscle.core.bones.lookup import (
 )
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.sampling import uneven_weights
+from vtkmuscle.core.mesh.sampling import UNEVEN, uneven_weights
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import FAR, LEAST_PIECE, Solids, closed_shells, solids_from, solids_of
 from vtkmuscle.core.mesh.surface import points_in_box
@@ -27,9 +27,6 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Cells of the field along the diagonal of a bone's box along its axes: 1.3 mm on a pelvis, 1.5 on a femur.
 CELLS_PER_DIAGONAL = 300.0
-
-#: Difference of the weights of a bone's points, which decide where symmetry leaves the axes open.
-UNEVENNESS = 1e-3
 
 #: Reach of the field beyond the bone's box, in diagonals of the box; farther away each point is measured.
 REACH = 0.25
@@ -259,7 +256,7 @@ def bone_axes(points: Floats) -> Floats:
     """
     centre = points.mean(axis=0)
     arms = points - centre
-    weights = 1.0 + UNEVENNESS * uneven_weights(len(points))
+    weights = 1.0 + UNEVEN * uneven_weights(len(points))
     axes = np.linalg.eigh((arms * weights[:, None]).T @ arms)[1].T
     # The order of the points decides about the sign of an eigenvector, too.
     axes[(weights - weights.mean()) @ (arms @ axes.T) < 0.0] *= -1.0

@@ -13,10 +13,7 @@ from vtkmuscle.core.bones.lookup import STEEPEST, Field, distance_and_normal, di
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
-from vtkmuscle.core.types import Bools, Floats
-
-#: A point deeper than this is moved [cells]; the push ends within half of it.
-TOLERANCE = 1e-6
+from vtkmuscle.core.types import SAME, Bools, Floats
 
 #: Most steps of a push; far more than a convergent push takes.
 MOST_PUSHES = 20
@@ -179,7 +176,7 @@ def _keep_out(
             distance = least_distance_at(field, at[0], at[1], at[2], max(level, 0.0))
         if distance <= level:
             distance, steepest = distance_at(field, at[0], at[1], at[2]), STEEPEST
-        deep = level - distance > TOLERANCE * field.cell  # not where it is unknown, NaN
+        deep = level - distance > SAME * field.cell  # not where it is unknown, NaN
         if deep:
             _push_out(field, at, level, normal)
         waiting[i] = field.lacking[0] > before
@@ -201,7 +198,7 @@ def _push_out(field: Field, at: Floats, level: float, normal: Floats) -> None:
     """Move a position (3,) along the gradient to a level, in place; normal : (3,), memory."""
     for _ in range(MOST_PUSHES):
         depth = level - distance_and_normal(field, at, normal)
-        if not abs(depth) > 0.5 * TOLERANCE * field.cell:
+        if not abs(depth) > 0.5 * SAME * field.cell:
             break
         for k in range(3):
             at[k] += depth * normal[k]

@@ -29,7 +29,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import lane, vector_kernel
+from vtkmuscle.core.jit import LANES, lane, vector_kernel
 from vtkmuscle.core.machine import processors
 from vtkmuscle.core.mesh.surface import diagonal
 from vtkmuscle.core.types import SAME, Bools, Floats, Ints
@@ -37,8 +37,6 @@ from vtkmuscle.core.types import SAME, Bools, Floats, Ints
 #: Distance below which a query point lies on a vertex, edge or triangle; part of the mesh's diagonal, 450
 #: times the rounding of a number.
 ON_SURFACE = 1e-13
-#: Query points computed together: two vectors of eight numbers, or four of four.
-LANES = 16
 #: Largest u = sin^2(theta / 2) of an edge of a far triangle: 20 degrees; f has all digits after 11 terms.
 SMALL_ANGLE = 1.0 / 32.0
 #: Squared height over squared distance, and a sum over its terms, below which rounding has cost digits of S;

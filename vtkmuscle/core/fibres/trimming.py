@@ -14,6 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
+from vtkmuscle.core.fibres.between_areas import AT_ONCE
 from vtkmuscle.core.mesh import polylines
 from vtkmuscle.core.mesh.normals import angles_between
 from vtkmuscle.core.mesh.sampling import PatchSamples
@@ -35,8 +36,6 @@ CHECKS = (np.arange(16) + 0.5) / 16.0
 #: Least distance of spread ends, as a part of an even spacing; closer ends meet. With ends that meet kept,
 #: the points of the ten muscles move by 1 to 24 mm.
 LEAST_SPREAD = 0.1
-#: Fibres assigned to an area at once; the time grows with the cube of the number.
-BATCH = 256
 
 
 class EndArea(NamedTuple):
@@ -126,7 +125,7 @@ def _new_ends(
     arcs = np.array([lengths - tried, np.maximum(lengths - tried - step, 0.0)])
     departures, before = (polylines.points_at_arcs(points, offsets, at.T).transpose(1, 0, 2) for at in arcs)
     levels, new_ends = np.zeros(len(cuts), dtype=np.int64), ends.copy()
-    n_batches = -(-len(cuts) // BATCH)
+    n_batches = -(-len(cuts) // AT_ONCE)
     for batch in range(n_batches):
         # A batch takes every n-th fibre, so each batch covers the whole area.
         members = np.arange(batch, len(cuts), n_batches)

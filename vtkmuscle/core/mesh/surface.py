@@ -11,11 +11,8 @@ from scipy.sparse.csgraph import connected_components
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import triangle_normals
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import ROUNDING, Floats, Ints
 
-#: Least volume of a surface that encloses something, as a part of its box's diagonal cubed: of a sheet as
-#: thick as 3e-9 of its width.
-LEAST_VOLUME = 1e-9
 #: Largest part of a whole that is noise of a segmentation: a contact, a branch, a piece, an overlap. If small
 #: contacts counted, mean lengths of fibres in estimated muscles of a knee would change by 0.4 mm.
 NOISE = 0.05
@@ -182,7 +179,7 @@ def survey(points: Floats, triangles: Ints) -> SurfaceReport:
 def check_volume(points: Floats, volume: float) -> None:
     """Raise a ValueError for a surface without volume. Points (n, 3) [mm], volume [mm^3]."""
     size = diagonal(points)
-    if abs(volume) <= LEAST_VOLUME * size**3:
+    if abs(volume) <= ROUNDING * size**3:
         problem = f"the surface encloses no volume ({volume:.3g} within a box of diagonal {size:.3g})"
         raise InputError("", problem, "give a closed surface with all triangles facing outward")
 

@@ -12,19 +12,14 @@ from weakref import WeakValueDictionary
 import numpy as np
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.jit import kernel, lane, vector_kernel
+from vtkmuscle.core.jit import LANES, kernel, lane, vector_kernel
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.shared import digest, shared
 from vtkmuscle.core.mesh.surface import numbered_edges, points_in_box
 from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
 
-#: Most triangles in a leaf: their distances are computed side by side. With 8 a search takes twice as long,
-#: with 32 a tenth longer.
-PER_LEAF = 16
 #: Shift of a triangle's centre by its number, as a part of the surface's size.
 _SLOPE = 1e-12
-#: Distance of a point on the surface, as a part of the surface's size: too near for a direction away.
-_ON_SURFACE = 1e-9
 #: Keeps a division by nothing finite.
 _TINY = float(np.finfo(np.float64).tiny)
 
@@ -42,7 +37,7 @@ class TriangleTree:
     order: Ints  # (m,), triangles in the tree's order
     boxes: Floats  # (2 l - 1, 6), low and high corner of each box, level by level, the l leaves last
     leaves: Ints  # (l + 1,), the first triangle of each leaf, and m
-    corners: Floats  # (l, 9, PER_LEAF), of each leaf's triangles; the last one fills up the leaf
+    corners: Floats  # (l, 9, LANES), of each leaf's triangles, side by side; the last one fills up the leaf
 
     @cached_property
     def mean_edge(self) -> float:
@@ -106,13 +101,13 @@ class TriangleTree:
         distances, closest, normals = self._sided(queries)
         size = float(np.abs(self.boxes[0, 3:] - self.boxes[0, :3]).max())
         away = (queries - closest) * np.where(distances < 0.0, -1.0, 1.0)[:, None]
-        directions = np.where(np.abs(distances)[:, None] > _ON_SURFACE * size, away, normals)
+        directions = np.where(np.abs(distances)[:, None] > ROUNDING * size, away, normals)
         return distances, closest, unit_vectors(directions)
 
 
 def _memory() -> tuple[Ints, Floats, Floats]:
     """Return working memory of a search: a stack as deep as any tree, and a leaf's distances."""
-    return np.empty(64, dtype=np.int64), np.empty(64), np.empty(PER_LEAF)
+    return np.empty(64, dtype=np.int64), np.empty(64), np.empty(LANES)
 
 
 def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
@@ -120,7 +115,7 @@ def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
     centres = (points[triangles[:, 0]] + points[triangles[:, 1]] + points[triangles[:, 2]]) / 3.0
     # Equal centres are parted by their order: each half of a box is as large as a leaf expects.
     centres += _SLOPE * np.ptp(centres, axis=0).max() * np.arange(len(centres))[:, None]
-    return _filled(points, triangles, cKDTree(centres, leafsize=PER_LEAF).indices)
+    return _filled(points, triangles, cKDTree(centres, leafsize=LANES).indices)
 
 
 #: As :func:`triangle_tree`, with a common tree for all users of a surface.
@@ -154,20 +149,18 @@ def tree_of_deformed(rest: TriangleTree | None, points: Floats, triangles: Ints)
 def _filled(points: Floats, triangles: Ints, order: Ints) -> TriangleTree:
     """Return the tree of a surface with triangles in order."""
     leaves = _leaf_bounds(len(triangles))
-    boxes, corners = np.empty((2 * len(leaves) - 3, 6)), np.empty((len(leaves) - 1, 9, PER_LEAF))
+    boxes, corners = np.empty((2 * len(leaves) - 3, 6)), np.empty((len(leaves) - 1, 9, LANES))
     _fill(points.astype(np.float64, copy=False), triangles, order, leaves, boxes, corners)
     return TriangleTree(points, triangles, order, boxes, leaves, corners)
 
 
 @kernel
-def _fill(
-    points: Floats, triangles: Ints, order: Ints, leaves: Ints, boxes: Floats, corners: Floats
-) -> None:
+def _fill(points: Floats, triangles: Ints, order: Ints, leaves: Ints, boxes: Floats, corners: Floats) -> None:
     n_leaves = len(leaves) - 1
     for leaf in range(n_leaves):
         box = boxes[n_leaves - 1 + leaf]
         box[:3], box[3:] = np.inf, -np.inf
-        for k in range(PER_LEAF):
+        for k in range(LANES):
             triangle = triangles[order[min(leaves[leaf] + k, leaves[leaf + 1] - 1)]]
             for c in range(9):
                 value = points[triangle[c // 3], c % 3]
@@ -183,7 +176,7 @@ def _fill(
 def _leaf_bounds(count: int) -> Ints:
     """Return the first triangle of each leaf, and the count, (2^k + 1,); boxes are halved, rounded down."""
     bounds = np.array([0, count])
-    while np.diff(bounds).max() > PER_LEAF:
+    while np.diff(bounds).max() > LANES:
         bounds = np.insert(bounds, np.arange(1, len(bounds)), (bounds[:-1] + bounds[1:]) // 2)
     return bounds
 
@@ -344,7 +337,7 @@ def _nearest_triangle(
             continue
         leaf = node - (n_leaves - 1)
         _squares(corners[leaf].reshape(-1), x, y, z, apart)
-        for k in range(PER_LEAF):
+        for k in range(LANES):
             if apart[k] < best:
                 nearest, place, best = leaf, k, apart[k]
     return nearest, place, best
@@ -353,7 +346,7 @@ def _nearest_triangle(
 @vector_kernel
 def _squares(corners: Floats, x: float, y: float, z: float, apart: Floats) -> None:
     """Write the squared distances of a position from a leaf's triangles."""
-    for k in range(PER_LEAF):
+    for k in range(LANES):
         apart[k] = _square(corners, x, y, z, k)
 
 
@@ -363,10 +356,10 @@ def _square(corners: Floats, x: float, y: float, z: float, k: int) -> float:
 
     A needle counts as its edges.
     """
-    a, b, c = corners[k], corners[PER_LEAF + k], corners[2 * PER_LEAF + k]
+    a, b, c = corners[k], corners[LANES + k], corners[2 * LANES + k]
     px, py, pz = x - a, y - b, z - c
-    ux, uy, uz = corners[3 * PER_LEAF + k] - a, corners[4 * PER_LEAF + k] - b, corners[5 * PER_LEAF + k] - c
-    vx, vy, vz = corners[6 * PER_LEAF + k] - a, corners[7 * PER_LEAF + k] - b, corners[8 * PER_LEAF + k] - c
+    ux, uy, uz = corners[3 * LANES + k] - a, corners[4 * LANES + k] - b, corners[5 * LANES + k] - c
+    vx, vy, vz = corners[6 * LANES + k] - a, corners[7 * LANES + k] - b, corners[8 * LANES + k] - c
     uu, vv, uv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, ux * vx + uy * vy + uz * vz
     pu, pv = px * ux + py * uy + pz * uz, px * vx + py * vy + pz * vz
     to_edges = min(_square_from(px, py, pz, ux, uy, uz, uu, pu), _square_from(px, py, pz, vx, vy, vz, vv, pv))
@@ -389,9 +382,6 @@ def _square_from(
     x, y, z = x - part * u, y - part * v, z - part * w
     return x * x + y * y + z * z
 
-
-#: Displacement after which a point is tested again, as a part of its distance from the neighbour.
-_SURELY_CLEAR = 0.9
 
 #: Displacement within which a neighbour's surface counts as flat, as a part of its mean edge.
 _FLAT = 0.25
@@ -437,7 +427,7 @@ class MuscleContact:
             if len(stale):
                 distance, closest, normal[stale] = tree.tangent_planes(p[stale] + self._centre)
                 nearest[stale], seen_from[stale] = closest - self._centre, p[stale]
-                valid_for[stale] = np.maximum(_SURELY_CLEAR * distance, _FLAT * tree.mean_edge) ** 2
+                valid_for[stale] = np.maximum(distance, _FLAT * tree.mean_edge) ** 2
             height = np.einsum("ij,ij->i", p[boxed] - nearest[boxed], normal[boxed])
             push = -allowance[boxed] - height
             deep = boxed[push > 0.0]

@@ -19,9 +19,6 @@ LEAST_PATHS = 4
 #: little beside would be extrapolated far.
 FLAT = 1e-3
 
-#: Smoothing of the interpolant, relative to the guides' extent: guides in one place share their weights.
-RIDGE = 1e-9
-
 
 class Guides:
     """Carry the paths of all fibres by the paths of a few.
@@ -95,7 +92,7 @@ def thin_plate_weights(sites: Floats, points: Floats) -> Floats:
     affine, at = (np.column_stack([np.ones(len(x)), (x - middle) @ axes.T / size]) for x in (sites, points))
     # The thin plate's r^2 log r; the smoothing has the sign for which the system is definite.
     within, toward = (cdist(x, sites, "sqeuclidean") / size**2 for x in (sites, points))
-    bending = xlogy(within, within) + RIDGE * np.eye(len(sites))
+    bending = xlogy(within, within) + ROUNDING * np.eye(len(sites))
     system = np.block([[bending, affine], [affine.T, np.zeros((len(affine.T),) * 2)]])
     return np.asarray(np.linalg.solve(system, np.hstack([xlogy(toward, toward), at]).T)[: len(sites)].T)
 

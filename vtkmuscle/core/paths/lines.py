@@ -10,13 +10,10 @@ from scipy.spatial import cKDTree
 from vtkmuscle.core.mesh.harmonic import harmonic_field
 from vtkmuscle.core.mesh.polylines import smooth_polylines
 from vtkmuscle.core.mesh.surface import MeshTopology
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import ROUNDING, Floats, Ints
 
 #: Lines that stand in for fibres, about.
 STAND_INS = 64
-
-#: Slopes of the harmonic function that differ by less than this part of the greatest are equal.
-EQUALLY_STEEP = 1e-7
 
 #: Passes of averaging that take the zigzag of a mesh's edges out of a line.
 _PASSES = 10
@@ -122,7 +119,7 @@ def _steepest(points: Floats, edges: Ints, height: Floats, fixed_to: Ints) -> In
     length = np.linalg.norm(points[both[:, 1]] - points[both[:, 0]], axis=1)
     slope = (height[both[:, 1]] - height[both[:, 0]]) / np.maximum(length, _TINY)
     # Of equally steep edges the one to the last point counts, whatever rounding says.
-    steps = np.round(slope / (EQUALLY_STEEP * max(slope.max(), _TINY)))
+    steps = np.round(slope / (ROUNDING * max(slope.max(), _TINY)))
     order = np.lexsort((both[:, 1], steps, both[:, 0]))
     steepest = order[np.append(np.diff(both[order, 0]) > 0, True)]  # the last of each point
     onward = np.arange(len(points))

@@ -37,8 +37,9 @@ LEAST_SPACING = 0.5
 #: last digits would say in which direction.
 TOO_NEAR = 0.01
 
-#: Bounds of a path's stretch, beyond which none is sensible (a muscle works between about 0.5 and 1.6).
-LEAST_STRETCH, GREATEST_STRETCH = 0.25, 4.0
+#: Least stretch by which a path widens (a muscle works between about 0.5 and 1.6): a path without length has
+#: no width.
+LEAST_STRETCH = 0.25
 
 #: Pairs of a row, computed side by side: four vectors of eight numbers.
 WIDTH = 32
@@ -158,11 +159,10 @@ def _add_steps(points: Floats, lengths: Floats) -> None:
 
 def path_widths(points: Floats, lengths: Floats) -> Floats:
     """Return paths' relative widths. The volume is constant, and ``lengths`` (f,) are at rest."""
-    return np.asarray(1.0 / np.sqrt((path_lengths(points) / lengths).clip(LEAST_STRETCH, GREATEST_STRETCH)))
+    return np.asarray(1.0 / np.sqrt(np.maximum(path_lengths(points) / lengths, LEAST_STRETCH)))
 
 
 def widening(points: Floats, lengths: Floats) -> Floats:
     """Return the change of widths with length. Of :func:`path_widths`, (f,) [1/mm]."""
     widths = path_widths(points, lengths)
-    within = (widths > GREATEST_STRETCH**-0.5) & (widths < LEAST_STRETCH**-0.5)
-    return np.asarray(np.where(within, -0.5 * widths**3 / lengths, 0.0))
+    return np.asarray(np.where(widths < LEAST_STRETCH**-0.5, -0.5 * widths**3 / lengths, 0.0))

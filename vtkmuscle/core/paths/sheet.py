@@ -24,7 +24,7 @@ from vtkmuscle.core.paths.pose import Sheet, SheetPose, farthest_of
 from vtkmuscle.core.paths.ring_contact import outside_of, rings_at
 from vtkmuscle.core.paths.surroundings import surroundings_of
 from vtkmuscle.core.paths.via_rings import ViaRing
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import ROUNDING, Floats, Ints
 
 #: Points of a path. Paths of 17 points round a cylinder of 30 mm have moment arms 1 % less than those of
 #: 33 and 65, which agree within 0.1 mm.
@@ -37,9 +37,6 @@ LARGEST_MOVE = 8.0
 
 #: The drift with which paths begin in a new pose, in drifts of the pose before, at most.
 LARGEST_DRIFT = 2.0
-
-#: Bones whose moves differ by less than this have moved together: paths go with them as they are [mm].
-_TOGETHER = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +199,7 @@ class MusclePaths:
         last = transforms.copy()  # a further bone has not moved
         last[: len(before.transforms)] = before.transforms[: len(last)]
         moves = transforms @ inverses(last)
-        if np.ptp(moves, axis=0).max() <= _TOGETHER:
+        if np.ptp(moves, axis=0).max() <= ROUNDING:  # they move together
             ends = self.start_bones, self.end_bones
             points = with_bones(before.points, *ends, moves)
             drift, forces = with_bones(before.points + before.drift, *ends, moves) - points, PathState.forces

@@ -12,7 +12,7 @@ from scipy.spatial.distance import cdist
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import SAME, Floats, Ints
 
 #: The thickness of the tissue between a fibre and a bone is smoothed along the fibre by a Gaussian of this
 #: standard deviation, as a part of its length.
@@ -28,10 +28,6 @@ BUNDLE = 2.0
 #: A bone is ahead of a fibre, not beside it, where the sine between the fibre and the direction to the bone
 #: is less than this. The thickness of the tissue there is that of the nearest points beside the bone.
 LEAST_BESIDE = 0.1
-
-#: A point less deep in the muscle than this part of the fibres' extent is on its surface, as their ends are:
-#: rounding does not decide what lies below it.
-ON_SURFACE = 1e-6
 
 #: Steps of the search for the muscle's surface.
 _STEPS = 30
@@ -189,7 +185,7 @@ def tissue_between(
     aside[sure] /= size[sure, None]
     walked = np.zeros(len(at))
     nearest, depth = depth.reshape(-1), depth.reshape(-1).copy()
-    inside = depth > ON_SURFACE * float(np.ptp(at, axis=0).max())
+    inside = depth > SAME * float(np.ptp(at, axis=0).max())
     going = np.flatnonzero(sure & inside)
     for _ in range(_STEPS):
         # No surface is nearer than the depth: go on by that much.

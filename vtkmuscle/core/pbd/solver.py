@@ -20,6 +20,7 @@ from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.contact import BoneContact, PoseContact
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fixed_muscle import FixedMuscle
+from vtkmuscle.core.jit import LANES
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.rest_shape import RestShape, Volume, project_volume
 from vtkmuscle.core.mesh.triangle_tree import Near
@@ -30,8 +31,8 @@ from vtkmuscle.core.pbd.voxels import VoxelContact
 from vtkmuscle.core.types import Bools, Floats, Progress, quiet
 
 #: Two bones of a muscle turn against each other by at most this in a step without velocities [degrees];
-#: larger steps are parted. An iliacus of 3 000 triangles, solved with an iteration in steps of 45 degrees, has
-#: 14 folded edges with 4, 8 with 3 and 4 with 2, in seven tenths more time.
+#: larger steps are parted. An iliacus of 3 000 triangles, solved with an iteration in steps of 45 degrees,
+#: has 14 folded edges with 4, 8 with 3 and 4 with 2, in seven tenths more time.
 LARGEST_TURN = 2.0
 #: Moves positions out of obstacles, and returns the moved points.
 KeepOut = Callable[[Floats], Bools]
@@ -195,7 +196,7 @@ class PBDSolver:
         volume = topology.triangles, shape.volume, parameters.volume_stiffness, 0.0
         self._volume = self._mass, np.ones(len(points)), *volume, np.empty_like(self.rest)
         self._exact = Volume(shape, free)
-        self._buffer = np.empty(12 * sweep.WIDTH)
+        self._buffer = np.empty(12 * LANES)
         self._as_carried: Floats | None = None  # constants of the edges, with their lengths in a pose
 
     def at_rest(self, n_bones: int) -> State:

@@ -35,17 +35,15 @@ import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
-from vtkmuscle.core.jit import kernel, lane, vector_kernel
+from vtkmuscle.core.jit import LANES, kernel, lane, vector_kernel
 from vtkmuscle.core.mesh.harmonic import harmonic_field, triangle_gradients
 from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.polylines import proper_segments, segment_distances
 from vtkmuscle.core.mesh.rest_shape import edge_geometry
 from vtkmuscle.core.mesh.surface import MeshTopology
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
-from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
 
-#: Edges of a row: two vectors of eight numbers, or four of four.
-WIDTH = 16
 #: Numbers of an edge that do not change: inverse masses of its four points, stiffness and rest length,
 #: stiffness of its angle, and the cosine and sine of its rest angle; the place of the rest length.
 N_CONSTANTS, LENGTH = 9, 5
@@ -57,9 +55,9 @@ _A: tuple[float, ...] = tuple(_ATAN.convert(kind=Polynomial).coef[::-1].tolist()
 class EdgeRows(NamedTuple):
     """The edges of a surface in solving order.
 
-    points : (r, 4, WIDTH) uint32, ends of each edge and third points of its triangles; n, an extra point, for
+    points : (r, 4, LANES) uint32, ends of each edge and third points of its triangles; n, an extra point, for
         a missing point;
-    constants : (r, N_CONSTANTS, WIDTH), of each edge;
+    constants : (r, N_CONSTANTS, LANES), of each edge;
     order : (k,) int, numbers of the edges in this order.
     """
 
@@ -96,7 +94,7 @@ def edge_rows(
 def rows_of_edges(points_of_edges: Ints, n_points: int) -> NDArray[np.int64]:
     """Return the numbers of edges in rows.
 
-    Rows are (r, WIDTH), -1 in unused places. Edges of a row share none of their points (k, 4), the ends of
+    Rows are (r, LANES), -1 in unused places. Edges of a row share none of their points (k, 4), the ends of
     each edge and the third points of its triangles; a negative number is no point. Each edge gets the first
     colour not yet used at the edge's points; colours are cut into rows. To solve the constraints of a row at
     once equals solving the constraints in turn.
@@ -107,8 +105,8 @@ def rows_of_edges(points_of_edges: Ints, n_points: int) -> NDArray[np.int64]:
     _first_fit(points_of_edges, np.zeros((n_points, most), dtype=np.bool_), colours)
     order = np.argsort(colours, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(colours[order])) + 1)
-    filled = [np.pad(group, (0, -len(group) % WIDTH), constant_values=-1) for group in groups]
-    return np.concatenate(filled).reshape(-1, WIDTH)
+    filled = [np.pad(group, (0, -len(group) % LANES), constant_values=-1) for group in groups]
+    return np.concatenate(filled).reshape(-1, LANES)
 
 
 @kernel
@@ -131,7 +129,7 @@ def _first_fit(points_of_edges: Ints, taken: Bools, colours: Ints) -> None:
 def take_lengths(p: Floats, points: NDArray[np.uint32], constants: Floats) -> None:
     """Write the edges' lengths at positions p (n + 1, 3) as rest lengths; arrays as of :class:`EdgeRows`."""
     for row in range(len(points)):
-        for k in range(WIDTH):
+        for k in range(LANES):
             i, j, square = points[row, 0, k], points[row, 1, k], 0.0
             for axis in range(3):
                 square += (p[i, axis] - p[j, axis]) ** 2
@@ -148,37 +146,37 @@ def project_edges(
     Each edge's length (eq. 2, 3) comes before the edge's angle (eq. 6, 7), row by row, in place.
 
     p : (n + 1, 3) positions [mm], the last a finite placeholder for missing points;  points, constants : see
-    :class:`EdgeRows`;  buffer : (12 WIDTH,), memory.
+    :class:`EdgeRows`;  buffer : (12 LANES,), memory.
     """
     for row in range(len(points)):
         ids, c = points[row], constants[row].reshape(-1)
         for corner in range(4):
-            for k in range(WIDTH):
+            for k in range(LANES):
                 i = ids[corner, k]
                 for axis in range(3):
-                    buffer[(3 * corner + axis) * WIDTH + k] = p[i, axis]
+                    buffer[(3 * corner + axis) * LANES + k] = p[i, axis]
         if with_lengths:
-            for k in range(WIDTH):
+            for k in range(LANES):
                 _project_length(buffer, c, k)
         if with_angles:
-            for k in range(WIDTH):
+            for k in range(LANES):
                 _project_angle(buffer, c, k, signed)
         for corner in range(4):
-            for k in range(WIDTH):
+            for k in range(LANES):
                 i = ids[corner, k]
                 for axis in range(3):
-                    p[i, axis] = buffer[(3 * corner + axis) * WIDTH + k]
+                    p[i, axis] = buffer[(3 * corner + axis) * LANES + k]
 
 
 @lane
 def _project_length(b: Floats, c: Floats, k: int) -> None:
-    x, y, z = b[k] - b[3 * WIDTH + k], b[WIDTH + k] - b[4 * WIDTH + k], b[2 * WIDTH + k] - b[5 * WIDTH + k]
+    x, y, z = b[k] - b[3 * LANES + k], b[LANES + k] - b[4 * LANES + k], b[2 * LANES + k] - b[5 * LANES + k]
     length = math.sqrt(x * x + y * y + z * z)
-    s = c[4 * WIDTH + k] * (length - c[5 * WIDTH + k]) / (2.0 * length)
+    s = c[4 * LANES + k] * (length - c[5 * LANES + k]) / (2.0 * length)
     s = s if length > 0.0 else 0.0
     for axis, apart in enumerate((x, y, z)):
-        b[axis * WIDTH + k] -= c[k] * s * apart
-        b[(3 + axis) * WIDTH + k] += c[WIDTH + k] * s * apart
+        b[axis * LANES + k] -= c[k] * s * apart
+        b[(3 + axis) * LANES + k] += c[LANES + k] * s * apart
 
 
 @lane
@@ -189,30 +187,30 @@ def _project_angle(b: Floats, c: Floats, k: int, signed: bool) -> None:
     doi:10.1016/j.gmod.2013.07.001, and finite at flat and at concave edges.
     """
     proper, sine, cosine, ee, a2, b2, n11, n22, n1x, n1y, n1z, n2x, n2y, n2z = edge_geometry(
-        b[k], b[WIDTH + k], b[2 * WIDTH + k],
-        b[3 * WIDTH + k], b[4 * WIDTH + k], b[5 * WIDTH + k],
-        b[6 * WIDTH + k], b[7 * WIDTH + k], b[8 * WIDTH + k],
-        b[9 * WIDTH + k], b[10 * WIDTH + k], b[11 * WIDTH + k],
+        b[k], b[LANES + k], b[2 * LANES + k],
+        b[3 * LANES + k], b[4 * LANES + k], b[5 * LANES + k],
+        b[6 * LANES + k], b[7 * LANES + k], b[8 * LANES + k],
+        b[9 * LANES + k], b[10 * LANES + k], b[11 * LANES + k],
     )  # fmt: skip
     # The unsigned angle is that of a ridge, and turns the other way in a groove.
     side = 1.0 if (sine > 0.0) | signed else (-1.0 if sine < 0.0 else 0.0)
     folded = sine * side if side != 0.0 else 0.0
-    off = side * turn_from(folded, cosine, n11 * n22, c[7 * WIDTH + k], c[8 * WIDTH + k])
+    off = side * turn_from(folded, cosine, n11 * n22, c[7 * LANES + k], c[8 * LANES + k])
     a1, b1 = ee - a2, ee - b2
     cross = 2.0 * cosine
     # |dphi/dp_i|^2 |e|^2 |n1|^2 |n2|^2 of the four points.
     g1 = a1 * (a1 * n22 + b1 * cross) + b1 * (b1 * n11)
     g2 = a2 * (a2 * n22 + b2 * cross) + b2 * (b2 * n11)
     squares = g1 + g2 + ee * ee * n22 + ee * ee * n11
-    s = c[6 * WIDTH + k] * off * math.sqrt(ee) / squares
+    s = c[6 * LANES + k] * off * math.sqrt(ee) / squares
     s = s if proper & (squares > 0.0) else 0.0
     s1, s2 = s * n22, s * n11
     for axis, (n1, n2) in enumerate(((n1x, n2x), (n1y, n2y), (n1z, n2z))):
-        at = axis * WIDTH + k
+        at = axis * LANES + k
         b[at] -= c[k] * (s1 * a1 * n1 + s2 * b1 * n2)
-        b[3 * WIDTH + at] -= c[WIDTH + k] * (s1 * a2 * n1 + s2 * b2 * n2)
-        b[6 * WIDTH + at] += c[2 * WIDTH + k] * s1 * ee * n1
-        b[9 * WIDTH + at] += c[3 * WIDTH + k] * s2 * ee * n2
+        b[3 * LANES + at] -= c[LANES + k] * (s1 * a2 * n1 + s2 * b2 * n2)
+        b[6 * LANES + at] += c[2 * LANES + k] * s1 * ee * n1
+        b[9 * LANES + at] += c[3 * LANES + k] * s2 * ee * n2
 
 
 @lane
@@ -240,10 +238,6 @@ def turn_from(sine: float, cosine: float, square: float, cosine0: float, sine0: 
     return turn if along >= 0.0 else beyond
 
 
-#: Difference within which segments with a common end count as equally near, as a part of the longest.
-EQUALLY_NEAR = 5e-8
-
-
 def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
     """Return k = 1 - abs(u . v) for each edge.
 
@@ -265,7 +259,7 @@ def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) ->
     triangles = 2 * np.arange(len(a))[:, None] + np.array([0, 1, 1])
     nearest, _, distances = triangle_tree(ends, triangles).nearest(queries)
     _, first, point = np.unique(ends, axis=0, return_index=True, return_inverse=True)
-    first, limit = first[point.reshape(-1, 2)] // 2, distances + EQUALLY_NEAR * lengths.max()
+    first, limit = first[point.reshape(-1, 2)] // 2, distances + ROUNDING * lengths.max()
     for end in (0, 1):  # of equally near segments with a common end the first counts
         other = first[nearest, end]
         equal = segment_distances(queries, a[other], b[other]) <= limit
