@@ -16,12 +16,15 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.shared import digest, shared
 from vtkmuscle.core.mesh.surface import numbered_edges, points_in_box
+from vtkmuscle.core.mesh.winding import wind
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Most triangles in a leaf, on average.
 PER_LEAF = 8
 #: Shift of a triangle's centre by its number, as a part of the surface's size.
 _SLOPE = 1e-12
+#: Enlargement of boxes, as a part of the coordinates: rounding must hide no triangle from a ray.
+_ROUNDING = 1e-14
 #: Distance of a point on the surface, as a part of the surface's size: too near for a direction away.
 _ON_SURFACE = 1e-9
 
@@ -63,39 +66,42 @@ class TriangleTree:
         )
         return nearest, closest, distances, regions
 
-    def _sided(self, queries: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return signed distances, nearest points, and normals there. (q,), (q, 3) and (q, 3)."""
-        nearest, closest, distances, regions = self._nearest(queries)
-        normals, rows = self._normals
-        at_closest = normals[rows[nearest, regions]]
-        inside = np.einsum("ij,ij->i", queries - closest, at_closest) < 0.0
-        return np.where(inside, -distances, distances), closest, at_closest
-
     def lower(self, distances: Floats, queries: Floats, *, unsigned: bool = False) -> None:
         """Lower distances (q,) of points (q, 3) to the signed distances from the surface, in place."""
         memory = np.empty(64, dtype=np.int64), np.empty(64)
-        arrays = self.corners, self.boxes, self.leaves, *self._normals
-        lower_distances(*arrays, unsigned, queries, distances, *memory)
+        inside = np.zeros(len(queries), dtype=np.bool_) if unsigned else self.inside(queries)
+        lower_distances(self.corners, self.boxes, self.leaves, inside, queries, distances, *memory)
 
     def nearest(self, queries: Floats) -> tuple[Ints, Floats, Floats]:
         """Return nearest triangles, nearest points, and distances >= 0. Of points (q, 3)."""
         nearest, closest, distances, _ = self._nearest(queries)
         return self.order[nearest], closest, distances
 
-    def signed(self, queries: Floats) -> tuple[Floats, Floats]:
-        """Return distances (q,), negative inside, and nearest points (q, 3).
+    def signed(self, queries: Floats) -> Floats:
+        """Return distances (q,) of points (q, 3), negative inside the closed surface."""
+        distances = np.full(len(queries), np.inf)
+        self.lower(distances, np.ascontiguousarray(queries))
+        return distances
 
-        The angle-weighted normal at the nearest point gives the sign: the surface must be closed, manifold
-        and face outward. Points on the surface are outside.
+    def inside(self, queries: Floats) -> Bools:
+        """Return which points (q, 3) are inside a closed surface.
+
+        Triangles may face either side, and the surface may cross itself: points with a winding number other
+        than 0 are inside. Points on the surface are on either side, independent of further queries. Rays run
+        along the axis of the surface's least extent: across a long muscle few boxes are in line.
         """
-        return self._sided(queries)[:2]
+        inside = np.zeros(len(queries), dtype=np.bool_)
+        along, slack = int(np.ptp(self.boxes[0].reshape(2, 3), axis=0).argmin()), np.abs(self.boxes[0]).max()
+        shape, stack = (self.corners, self.boxes, self.leaves), np.empty(64, dtype=np.int64)
+        wind(np.ascontiguousarray(queries), *shape, along, _ROUNDING * float(slack), stack, inside)
+        return inside
 
     def depth(self, queries: Floats) -> Floats:
         """Return the depth (q,) in a closed surface. Of points (q, 3), 0 outside."""
         depth = np.zeros(len(queries))
         boxed = points_in_box(queries, self.boxes[0, :3], self.boxes[0, 3:])
         if len(boxed):
-            depth[boxed] = np.maximum(-self.signed(queries[boxed])[0], 0.0)
+            depth[boxed] = np.maximum(-self.signed(queries[boxed]), 0.0)
         return depth
 
     def tangent_planes(self, queries: Floats) -> tuple[Floats, Floats, Floats]:
@@ -103,11 +109,12 @@ class TriangleTree:
 
         The normal is the gradient of the distance; on the surface, the angle-weighted normal.
         """
-        distances, closest, normals = self._sided(queries)
-        size = float(np.abs(self.boxes[0, 3:] - self.boxes[0, :3]).max())
-        away = (queries - closest) * np.where(distances < 0.0, -1.0, 1.0)[:, None]
-        directions = np.where(np.abs(distances)[:, None] > _ON_SURFACE * size, away, normals)
-        return distances, closest, unit_vectors(directions)
+        nearest, closest, distances, regions = self._nearest(queries)
+        normals, rows = self._normals
+        sides, size = np.where(self.inside(queries), -1.0, 1.0), np.ptp(self.boxes[0].reshape(2, 3), axis=0)
+        away = distances[:, None] > _ON_SURFACE * size.max()
+        outward = np.where(away, (queries - closest) * sides[:, None], normals[rows[nearest, regions]])
+        return sides * distances, closest, unit_vectors(outward)
 
 
 def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
@@ -223,12 +230,11 @@ def distance2_to_box(box: Floats, x: float, y: float, z: float) -> float:
 
 
 def pseudonormals(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
-    """Return normals (k, 3) for sides, and their rows (m, 7).
+    """Return normals (k, 3) at nearest points, and their rows (m, 7).
 
-    A point is outside if its offset from the nearest surface point goes along the normal there. The normal of
-    an edge is the sum of its triangles' unit normals; the normal of a corner weights them by the triangles'
-    angles: Baerentzen, Aanaes 2005, doi:10.1109/TVCG.2005.49. Rows are of each triangle's regions FACE, EDGE
-    + k and CORNER + k; triangles face outward.
+    The normal of an edge is the sum of its triangles' unit normals; the normal of a corner weights them by
+    the triangles' angles: Baerentzen, Aanaes 2005, doi:10.1109/TVCG.2005.49. Rows are of each triangle's
+    regions FACE, EDGE + k and CORNER + k; triangles face outward.
     """
     normals = triangle_normals(points, triangles)
     faces = unit_vectors(normals)
@@ -271,13 +277,12 @@ def search_tree(
 
 @kernel
 def lower_distances(
-    corners: Floats, boxes: Floats, leaves: Ints, normals: Floats, rows: Ints, unsigned: bool,
-    queries: Floats, distances: Floats, stack: Ints, to_box: Floats,
+    corners: Floats, boxes: Floats, leaves: Ints, inside: Bools, queries: Floats, distances: Floats,
+    stack: Ints, to_box: Floats,
 ) -> None:  # fmt: skip
     """Lower distances (q,) to the signed distances from a tree's surface, where these are less.
 
-    Arrays are as of :func:`search_tree`, and the normals and rows of the tree. ``unsigned`` distances are of
-    a surface without an inside.
+    Arrays are as of :func:`search_tree`; inside : (q,), of queries with negative distances.
     """
     guess = 0
     for q in range(len(queries)):
@@ -285,13 +290,8 @@ def lower_distances(
         if math.sqrt(distance2_to_box(boxes[0], x, y, z)) > max(best, 0.0):
             continue
         guess = _nearest_triangle(corners, boxes, leaves, x, y, z, guess, stack, to_box)
-        at = corners[guess]
-        cx, cy, cz, region = nearest_on_triangle(x, y, z, at[0], at[1], at[2])
-        x, y, z, normal = x - cx, y - cy, z - cz, normals[rows[guess, region]]
-        distance = math.sqrt(x * x + y * y + z * z)
-        if not unsigned and x * normal[0] + y * normal[1] + z * normal[2] < 0.0:
-            distance = -distance
-        distances[q] = min(distance, best)
+        distance = math.sqrt(_distance2(corners[guess], x, y, z))
+        distances[q] = min(-distance if inside[q] else distance, best)
 
 
 @kernel
