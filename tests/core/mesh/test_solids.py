@@ -174,10 +174,9 @@ def read(path):
 def test_a_corner_pushed_through_the_far_side_of_a_plate_leaves_the_outside_outside():
     points, triangles = meshed_box((0.0, 0.0, 0.0), (8.0, 8.0, 1.0), 1.0)
     points[(points == [4.0, 4.0, 1.0]).all(axis=1), 2] = -0.3
-    below = np.array([[4.0, 4.0, -0.31], [4.1, 3.9, -5.0], [4.0, 4.0, -200.0]])
-    solids = solids_of(points, triangles)
-    for distances in (solids.distances(below), solids.exact(below)[0]):
-        np.testing.assert_allclose(distances, np.linalg.norm(below - [4, 4, -0.3], axis=1))
+    below, solids = np.array([[4, 4, -0.31], [4.1, 3.9, -5], [4, 4, -200]]), solids_of(points, triangles)
+    distances = [solids.distances(below), solids.exact(below)[0]]
+    np.testing.assert_allclose(distances, np.linalg.norm([below - [4, 4, -0.3]] * 2, axis=2))
     assert solids.depth([[1.0, 1.0, 0.5]])[0] == pytest.approx(0.5)
 
 

@@ -42,11 +42,10 @@ def test_triangles_without_area_are_no_obstacle():
 
 @pytest.mark.parametrize("offset", [0.0, 1e5])
 def test_points_inside_have_negative_distances(offset):
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) + offset
-    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    triangles = np.array([[q[0], q[i], q[i + 1]] for q in quads for i in (1, 2)])
+    corners, triangles = box((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
     queries = np.random.default_rng(0).uniform(-2, 2, (500, 3))
-    distances = triangle_tree(corners, triangles).signed(queries + offset)
+    distances = np.full(500, np.inf)
+    triangle_tree(corners + offset, triangles).lower(distances, queries + offset)
     inside = np.abs(queries).max(axis=1) < 1
     assert_array_equal(distances < 0, inside)
     assert_allclose(distances[inside], np.abs(queries[inside]).max(axis=1) - 1, atol=1e-10 * (1 + offset))

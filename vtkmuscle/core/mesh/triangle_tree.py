@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.shared import digest, shared
-from vtkmuscle.core.mesh.surface import numbered_edges, points_in_box
+from vtkmuscle.core.mesh.surface import numbered_edges
 from vtkmuscle.core.mesh.winding import wind
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -77,18 +77,11 @@ class TriangleTree:
         nearest, closest, distances, _ = self._nearest(queries)
         return self.order[nearest], closest, distances
 
-    def signed(self, queries: Floats) -> Floats:
-        """Return distances (q,) of points (q, 3), negative inside the closed surface."""
-        distances = np.full(len(queries), np.inf)
-        self.lower(distances, np.ascontiguousarray(queries))
-        return distances
-
     def inside(self, queries: Floats) -> Bools:
         """Return which points (q, 3) are inside a closed surface.
 
-        Triangles may face either side, and the surface may cross itself: points with a winding number other
-        than 0 are inside. Points on the surface are on either side, independent of further queries. Rays run
-        along the axis of the surface's least extent: across a long muscle few boxes are in line.
+        Triangles may face either side and cross: the winding number is not 0 inside. A point on the surface
+        is on either side. Rays run along the least extent: across a long muscle few boxes are in line.
         """
         inside = np.zeros(len(queries), dtype=np.bool_)
         along, slack = int(np.ptp(self.boxes[0].reshape(2, 3), axis=0).argmin()), np.abs(self.boxes[0]).max()
@@ -98,10 +91,8 @@ class TriangleTree:
 
     def depth(self, queries: Floats) -> Floats:
         """Return the depth (q,) in a closed surface. Of points (q, 3), 0 outside."""
-        depth = np.zeros(len(queries))
-        boxed = points_in_box(queries, self.boxes[0, :3], self.boxes[0, 3:])
-        if len(boxed):
-            depth[boxed] = np.maximum(-self.signed(queries[boxed]), 0.0)
+        depth, inside = np.zeros(len(queries)), self.inside(queries)
+        depth[inside] = self.nearest(queries[inside])[2]
         return depth
 
     def tangent_planes(self, queries: Floats) -> tuple[Floats, Floats, Floats]:
