@@ -80,9 +80,8 @@ def _of_table(file: Path) -> dict[str, str]:
     header = next((cells for _, cells in csv_rows(file)), [""])
     if TRANSFORM_COLUMNS[0] not in header:
         return (_of_motion if header[0].casefold() == "time" else _of_landmarks)(file)
-    motion = read_motion_table(file, None if "bone" in header else "")
-    bones, further = [bone or "one, of the scene" for bone in motion.transforms], motion_columns(file)
-    return {"poses": str(len(motion.times)), "bones": _listed(bones), "columns": _listed(further)}
+    moved, rest = read_motion_table(file, None if "bone" in header else "one"), motion_columns(file)
+    return {"poses": str(len(moved.times)), "bones": _listed([*moved.transforms]), "columns": _listed(rest)}
 
 
 def _of_motion(file: Path) -> dict[str, str]:
