@@ -34,6 +34,9 @@ def test_a_scene_and_a_result_are_read_by_names(scene, result):
     assert list(result) == list(result.keys()) == ["spindle"]
     assert [muscle.verdict for muscle in result.values()] == ["ok"]
     assert "thigh" not in result
+    for kind in (Scene, vtkmuscle.Result):
+        with pytest.raises(TypeError, match=rf"takes no path; write {kind.__name__}.load\('here'\)"):
+            kind("here")
 
 
 @pytest.mark.parametrize(

@@ -21,8 +21,9 @@ import vtkmuscle
 from vtkmuscle import Scene
 from vtkmuscle.cli import app, options
 from vtkmuscle.cli.options import FAULT, INTERRUPTED, one_clear_error, stop_if_interrupted
+from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
-from vtkmuscle.io import write_polydata
+from vtkmuscle.io import write_motion_table, write_polydata
 
 #: The command line, where this process ignores Ctrl-C too (as in the background of a shell).
 STOPPABLE = """
@@ -160,6 +161,8 @@ def test_info_says_what_it_understood_of_a_motion(tmp_path):
     said = vtkmuscle_("info", tmp_path / "walk.mot").stdout
     assert "degrees" in said
     assert "knee (1 .. 60)" in said
+    write_motion_table(tmp_path / "knee.csv", hinge("tibia", (0, 0, 0), (1, 0, 0), [0, 10]))
+    assert vtkmuscle_("info", tmp_path / "knee.csv").stdout.split()[1:5] == ["poses", "2", "bones", "tibia"]
     assert "results: there is no such file" in vtkmuscle_("info", tmp_path / "results").stderr
 
 

@@ -280,15 +280,11 @@ def test_a_muscle_that_is_all_fixed_is_said_to_be(tmp_path):
 def test_a_decimal_comma_is_seen(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("x,y,z\n1.5,2.5,3.5\n-71.55,20.54,1,5\n")
-    with pytest.raises(
-        ValueError, match=r"line 3 has 4 cells, but earlier lines have 3; .* decimals with a point"
-    ):
+    with pytest.raises(ValueError, match=r"line 3 has 4 cells, but earlier lines have 3; .* decimals with"):
         read_landmarks(path)
     path.write_text("1,5,2,5,3,5\n4,5,2,5,3,5\n")
-    with pytest.warns(UserWarning, match="decimals with a point"):
+    with pytest.raises(ValueError, match=r"line 1 has 6 numbers, and no column .* decimals with a point"):
         read_landmarks(path)
-    path.write_text("x,y,z,side,name,note\n1.5,2,3,4,a,b\n2,3,4.5,5,c,d\n")
-    assert len(read_landmarks(path)[0]) == 2
 
 
 def test_a_ring_that_is_read_as_a_curve_is_seen(tmp_path):

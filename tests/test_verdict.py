@@ -11,7 +11,7 @@ from tiny_scene import ellipsoid, write_tiny_scene
 from vtkmuscle import Scene, hinge
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import unique_edges
-from vtkmuscle.core.moment_arms.levers import even_stretches, largest_turns, length_jumps
+from vtkmuscle.core.moment_arms.levers import distances_moved, even_stretches, largest_turns, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import add_arrays, points_of, triangles_of, with_points
 from vtkmuscle.data.attachments import Aponeurosis
@@ -261,6 +261,16 @@ def test_a_sweep_that_turns_back_is_no_jump():
     assert length_jumps(curve, motion.times, stretches).max() < 1e-9
 
 
+def test_uneven_rows_of_a_table_are_no_jump():
+    angles = np.array([0.0, 4, 8, 16, 20, 24, 30, 38, 42, 50, 54, 60])
+    motion = replace(hinge("b", (0, 90, 0), (1, 0, 0), angles), times=np.arange(12.0))
+    curve, moved = (120.0 + 40.0 * np.sin(np.radians(angles)))[:, None], distances_moved(motion)
+    jumps = [length_jumps(curve, at, even_stretches(motion)).max() for at in (motion.times, moved)]
+    assert 20.0 * jumps[1] < 0.8 < jumps[0]
+    curve[6:] += 4.0
+    assert int(length_jumps(curve, moved, even_stretches(motion)).argmax()) == 5
+
+
 @pytest.mark.parametrize("size", [1 / 30, 1.0, 30.0])
 def test_rounding_cuts_no_even_sweep_and_hides_no_jump(size):
     """50 hinges anywhere, and a muscle of 200 mm whose length jumps by 7 mm."""
@@ -413,9 +423,8 @@ def test_a_failed_muscle_is_exit_status_1_and_the_others_are_written(scene_file,
 
 
 def test_muscles_in_contact_do_without_one_that_failed(scene_file, tmp_path, monkeypatch):
-    scene_file.write_text(
-        scene_file.read_text().replace('units = "mm"', 'units = "mm"\nmuscle_contact = "measure"')
-    )
+    text = scene_file.read_text().replace('units = "mm"', 'units = "mm"\nmuscle_contact = "measure"')
+    scene_file.write_text(text)
     going_astray(monkeypatch, at=15.0)
     result = Scene.load(scene_file).run(workers=1, sense=False)  # both are the same muscle
     assert result.finished("other") == 5

@@ -38,11 +38,7 @@ def test_every_format_gives_landmarks_and_closedness(suffix, closed, tmp_path):
     [
         ("a.csv", "x,y,z\n1,2,3\n1,two,3\n", "a.csv: line 3, '1,two,3', does not begin with three numbers"),
         ("a.csv", "x,y,z\nu,v,w\n1,2,3\n", "line 2, 'u,v,w', does not begin"),
-        (
-            "a.csv",
-            "x;y;z\n1,5;2;3\n",
-            "line 2, '1,5;2;3', .*; separate numbers by commas, and write decimals",
-        ),
+        ("a.csv", "x;y;z\n1,5;2;3\n", "line 2, '1,5;2;3', .*; separate numbers by commas, and write"),
         ("a.csv", "1,2\n", "line 1 has fewer than three numbers"),
         ("a.csv", "x,y,z\n", "has no landmarks"),
         ("a.csv", "1,2,nan\n", "landmark 0 has a coordinate that is not finite"),
@@ -59,17 +55,10 @@ def test_what_cannot_be_read_is_named(name, text, message, tmp_path):
         read_landmarks(tmp_path / name)
 
 
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"a\.csv: there is no such file"):
-        read_landmarks(tmp_path / "a.csv")
-
-
 @pytest.mark.parametrize("frame", ["LPS", "RAS"])
 def test_areas_are_written_as_curves_that_slicer_recognises(frame, tmp_path):
-    areas = [
-        AttachmentArea("origin", "pelvis", SQUARE, True),
-        AttachmentArea("insertion", "femur", SQUARE, False),
-    ]
+    ends = ("origin", "pelvis", SQUARE, True), ("insertion", "femur", SQUARE, False)
+    areas = [AttachmentArea(*end) for end in ends]
     for table, area in zip(write_areas(tmp_path, "iliacus", areas, frame), areas, strict=True):
         content = json.loads((tmp_path / table["landmarks"]).read_text())
         assert "/markups-schema-v1." in content["@schema"]

@@ -12,5 +12,7 @@ def ran(tmp_path_factory):
     folder = tmp_path_factory.mktemp("strap")
     save_strap(folder, n_fibres=10)
     grid = {"grid": {"upper": [-10, 30, 20], "lower": [0, 40, 10]}}
-    path = scene_with(folder, tmp_path_factory.mktemp("joints"), motion=grid, deformer="none")
+    path = scene_with(
+        folder, tmp_path_factory.mktemp("joints"), motion=grid, deformer="none", name="left strap"
+    )
     return path, Scene.load(path).run(path.parent / "results", figures=False)

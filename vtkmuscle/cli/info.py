@@ -12,7 +12,9 @@ from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import MOST_LISTED, listed
 from vtkmuscle.data.arrays import joined_triangles, points_of, triangles_of
-from vtkmuscle.io import read_landmarks, read_named_points, read_polydata
+from vtkmuscle.io import motion_columns, read_landmarks, read_motion_table, read_named_points, read_polydata
+from vtkmuscle.io.csv_table import csv_rows
+from vtkmuscle.io.motion_table import TRANSFORM_COLUMNS
 from vtkmuscle.io.surfaces import stated_frame
 from vtkmuscle.joints.osim import read_motion_file
 from vtkmuscle.labels.draft import likely_unit
@@ -32,7 +34,7 @@ def facts_of(file: Path) -> Mapping[str, str]:
         return _of_run(file)
     check_is_file(file)
     kinds = dict.fromkeys(LANDMARKS, _of_landmarks) | dict.fromkeys(MOTIONS, _of_motion)
-    kinds |= {".osim": _of_model, ".toml": lambda file: {"scene": repr(Scene.load(file))}}
+    kinds |= {".csv": _of_table, ".osim": _of_model, ".toml": lambda file: {"scene": repr(Scene.load(file))}}
     return kinds.get(file.suffix.lower(), _of_mesh)(file)
 
 
@@ -72,6 +74,14 @@ def _of_landmarks(file: Path) -> dict[str, str]:
         "frame": f"{named.frame}, turned to LPS" if named.frame == "RAS" else named.frame or "not said",
         "bounds": _bounds(points),
     }
+
+
+def _of_table(file: Path) -> dict[str, str]:
+    header = next((cells for _, cells in csv_rows(file)), [""])
+    if TRANSFORM_COLUMNS[0] not in header:
+        return (_of_motion if header[0].casefold() == "time" else _of_landmarks)(file)
+    moved, rest = read_motion_table(file, None if "bone" in header else "one"), motion_columns(file)
+    return {"poses": str(len(moved.times)), "bones": _listed([*moved.transforms]), "columns": _listed(rest)}
 
 
 def _of_motion(file: Path) -> dict[str, str]:

@@ -219,8 +219,8 @@ def compare(
 ) -> None:
     """Compare runs: a table of differences, and a figure of curves.
 
-    Settings, sides and subjects match by the names of muscles and coordinates. Without --out results go to
-    comparison in the working folder.
+    Settings, sides and subjects match by the names of muscles and coordinates. Means are over each run,
+    differences over the common part. Without --out results go to comparison in the working folder.
     """
     folder = out or Path("comparison")
     with io.Outputs(folder, inputs=filter(None, [*results, literature]), overwrite=overwrite):

@@ -7,7 +7,8 @@ import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from importlib.resources import files
-from typing import Any
+from os import PathLike
+from typing import Any, Self
 
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 80
@@ -65,8 +66,14 @@ class Remedies:
 class ByName(Remedies):
     """Items by name, as of a mapping.
 
-    A subclass gives ``keys()`` and ``[name]``; iteration gives names.
+    A subclass gives ``keys()`` and ``[name]``, and ``load(path)`` reads an object; iteration gives names.
     """
+
+    def __new__(cls, *parts: Any, **named: Any) -> Self:
+        """Return a new object; TypeError for a path alone."""
+        if len(parts) == 1 and isinstance(parts[0], str | PathLike) and not named:
+            raise TypeError(f"{cls.__name__} takes no path; write {cls.__name__}.load({str(parts[0])!r})")
+        return super().__new__(cls)
 
     def keys(self) -> list[str]:
         """Return the names of the items."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import warnings
 import zlib
 from dataclasses import dataclass
 from os import PathLike
@@ -22,6 +21,8 @@ from vtkmuscle.io.surfaces import FORMATS, SURFACE_SUFFIXES, read_polydata
 
 #: Frames of the body with z up: x left and y back, or x right and y front.
 FRAMES = ("LPS", "RAS")
+#: Names of columns of coordinates, with their frame.
+_AXES = {"xyz": None, "lps": "LPS", "ras": "RAS"}
 _AS_SLICER = "save it again with 3D Slicer"
 _DECIMAL = "separate numbers by commas, and write decimals with a point"
 
@@ -50,9 +51,9 @@ def read_landmarks(path: str | PathLike[str], *, frame: str = "LPS") -> tuple[Fl
     ----------
     path : path
         A .vtp or .vtk file with 1 polyline or only points; a .csv file of x, y, z or name, x, y, z (a
-        header may name the columns; further columns are ignored); a .json file with a list of [x, y, z];
-        a .mrk.json or .fcsv file of 3D Slicer; or a .nrrd file of 3 x n numbers. In a ring, the last
-        point repeats the first, or the file is a closed curve of Slicer.
+        header may name the columns x, y, z, or l, p, s or r, a, s as Slicer's tables; further columns are
+        ignored); a .json file with a list of [x, y, z]; a .mrk.json or .fcsv file of 3D Slicer; or a .nrrd
+        file of 3 x n numbers. In a ring, the last point repeats the first, or the file is a closed curve.
     frame : str, optional
         ``"LPS"`` or ``"RAS"``: the frame of the scene. Files with a frame, such as Slicer's, are
         converted. Slicer saves surfaces in LPS.
@@ -128,7 +129,8 @@ def read_named_points(path: str | PathLike[str]) -> NamedPoints:
 def _from_csv(path: Path) -> NamedPoints:
     lines = list(csv_rows(path))
     header = [cell.casefold() for cell in lines[0][1]] if lines else []
-    columns = tuple(map(header.index, "xyz")) if all(header.count(name) == 1 for name in "xyz") else None
+    axes = next((axes for axes in _AXES if all(header.count(name) == 1 for name in axes)), "")
+    columns = tuple(map(header.index, axes))
     if columns or not all(_is_number(header[i]) for i in _columns(header) if i < len(header)):
         del lines[0]
     rows: list[list[float]] = []
@@ -145,13 +147,13 @@ def _from_csv(path: Path) -> NamedPoints:
         if len(cells) != len(lines[0][1]):
             problem = f"line {number} has {len(cells)} cells, but earlier lines have {len(lines[0][1])}"
             raise InputError(path, problem, _DECIMAL)
+        if not columns and (count := sum(map(_is_number, cells))) > 3:
+            problem = f"line {number} has {count} numbers, and no column is named x, y or z"
+            raise InputError(path, problem, f"begin with a line x,y,z of names; {_DECIMAL}")
         names.append(cells[0] if 0 not in at else "")
     if not rows:
         raise InputError(path, "the file has no landmarks", "give a line x, y, z for each landmark")
-    if len(lines[0][1]) >= 6 and all(value == int(value) for row in rows for value in row):
-        problem = f"each line has {len(lines[0][1])} cells, beginning with whole numbers"
-        warnings.warn(f"{path}: {problem}; {_DECIMAL}", stacklevel=4)
-    return NamedPoints(tuple(names), np.array(rows, dtype=np.float64))
+    return NamedPoints(tuple(names), np.array(rows, dtype=np.float64), frame=_AXES.get(axes))
 
 
 def _columns(cells: list[str]) -> tuple[int, ...]:

@@ -160,7 +160,8 @@ def export(
             fixed = {**reused.get(name, {}), **hill, **asked.parameters.get(name, {})}
             label, points = names.get(name, name), asked.form == "points" or not is_osim
             muscles += _exported(run, name, label, fixed, asked, points=points)
-        outs, tree, name = [muscle.out for muscle in muscles], run.ranged, run.result.name
+        outs, tree = [muscle.out for muscle in muscles], run.ranged
+        name = re.sub(r"[^\w.-]", "_", run.result.name)  # OpenSim's names have no blanks
         if model is not None:
             text = enriched(model, outs, replace=list(names.values()))
         elif is_osim:
@@ -378,7 +379,7 @@ def _write_meshes(run: _Run, model: Path) -> dict[str, list[str]]:
 
     Each file name begins with the model's: models of several subjects may be in the same folder.
     """
-    prefix = re.sub(r"\W", "_", own_name(model))
+    prefix = re.sub(r"[^\w.-]", lambda sign: f"~{ord(sign[0]):x}", own_name(model))
     surfaces = {name: (run.joints.bodies[name], surface) for name, surface in run.scene.bones.items()}
     muscles = run.scene.muscles.items()
     surfaces |= {f"{name}_at_rest": (run.ends[name][0], muscle.surface) for name, muscle in muscles}

@@ -12,7 +12,6 @@ from vtkmuscle.core.bones.bone import Bone, depth_in
 from vtkmuscle.core.mesh import surface as surfaces
 from vtkmuscle.core.mesh.polylines import sharp_turns
 from vtkmuscle.core.mesh.rest_shape import beside_slivers, dihedral_angles
-from vtkmuscle.core.mesh.solids import points_inside
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_deformed
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.paths.surroundings import LARGEST_STANDOFF
@@ -119,7 +118,7 @@ class MuscleMeasure:
         ``depths`` (p,) are those of the fibre points, ``points`` (n, 3) the muscle's.
         """
         self._bent = tree_of_deformed(self._bent, points, self._triangles)
-        outside = fibre_points[~points_inside(fibre_points, self._bent)]
+        outside = fibre_points[~self._bent.inside(fibre_points)]
         farthest = float(self._bent.nearest(outside)[2].max(initial=0.0)) * self._millimetres
         deeper = None
         if depths is not None:

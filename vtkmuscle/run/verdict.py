@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vtkmuscle.core.errors import fault_of
-from vtkmuscle.core.moment_arms.levers import even_stretches, largest_turns, length_jumps
+from vtkmuscle.core.moment_arms.levers import distances_moved, even_stretches, largest_turns, length_jumps
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.motion.rigid import RigidMotion
@@ -141,9 +141,9 @@ def _series(
         lengths, at_rest = np.array(track.fibre_lengths), track.report.get("fibres", {})
         ratios = lengths / np.maximum(rest_lengths, 1e-12)
         values["short fibres"], values["long fibres"] = np.percentile(ratios, (5, 95), axis=1)
-        times = np.array([row["time"] for row in rows], dtype=np.float64)
+        at = np.array([row["time"] for row in rows]) if motion is None else distances_moved(motion)
         of_motion = () if motion is None else (even_stretches(motion), largest_turns(motion))
-        jumps = np.pad(length_jumps(lengths, times, *of_motion), ((1, 0), (0, 0)), constant_values=np.nan)
+        jumps = np.pad(length_jumps(lengths, at, *of_motion), ((1, 0), (0, 0)), constant_values=np.nan)
         values["jumps"], values["widespread jumps"] = np.percentile(jumps, (100, 95), axis=1)
         for name, check in CHECKS.items():  # the same in all frames: the first is named
             if check.at_rest and at_rest:

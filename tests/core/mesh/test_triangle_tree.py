@@ -6,7 +6,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from oracles import igl
 from shapes import box
 
-from vtkmuscle.core.mesh.solids import points_inside
 from vtkmuscle.core.mesh.triangle_tree import CORNER, EDGE, pseudonormals, tree_of_deformed, triangle_tree
 from vtkmuscle.phantoms.meshing import solid_of_revolution
 
@@ -43,11 +42,10 @@ def test_triangles_without_area_are_no_obstacle():
 
 @pytest.mark.parametrize("offset", [0.0, 1e5])
 def test_points_inside_have_negative_distances(offset):
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) + offset
-    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    triangles = np.array([[q[0], q[i], q[i + 1]] for q in quads for i in (1, 2)])
+    corners, triangles = box((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
     queries = np.random.default_rng(0).uniform(-2, 2, (500, 3))
-    distances, _ = triangle_tree(corners, triangles).signed(queries + offset)
+    distances = np.full(500, np.inf)
+    triangle_tree(corners + offset, triangles).lower(distances, queries + offset)
     inside = np.abs(queries).max(axis=1) < 1
     assert_array_equal(distances < 0, inside)
     assert_allclose(distances[inside], np.abs(queries[inside]).max(axis=1) - 1, atol=1e-10 * (1 + offset))
@@ -62,7 +60,7 @@ def test_the_tree_of_a_bent_surface_answers_as_a_new_tree():
     )
     queries = np.random.default_rng(0).uniform(-30.0, 100.0, (500, 3))
     assert_allclose(tree.nearest(queries)[2], new.nearest(queries)[2], atol=1e-12)
-    assert_array_equal(points_inside(queries, tree), points_inside(queries, new))
+    assert_array_equal(tree.inside(queries), new.inside(queries))
 
 
 def test_pseudonormals_of_a_box_do_not_depend_on_its_diagonals():

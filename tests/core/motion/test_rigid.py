@@ -121,14 +121,15 @@ def test_hinge_turns_by_its_times():
 
 
 @pytest.mark.parametrize(
-    ("axis", "angles", "words"),
+    ("centre", "axis", "angles", "words"),
     [
-        ((0, 0, 0), [0, 1], "axis"),
-        ((np.nan, 0, 0), [0, 1], "axis"),
-        ((0, 0, 1), [0, 200], "180"),
-        ((0, 0, 1), [0, np.nan], "finite"),
+        ((0, 0, 0), (0, 0, 0), [0, 1], "axis"),
+        ((0, 0, 0), (np.nan, 0, 0), [0, 1], "axis"),
+        ((0, 0), (0, 0, 1), [0, 1], "centre of a motion must be three finite"),
+        ((0, 0, 0), (0, 0, 1), [0, 200], "180"),
+        ((0, 0, 0), (0, 0, 1), [0, np.nan], "finite"),
     ],
 )
-def test_hinges_that_cannot_be_are_refused(axis, angles, words):
+def test_hinges_that_cannot_be_are_refused(centre, axis, angles, words):
     with pytest.raises(ValueError, match=words):
-        rigid.hinge("tibia", centre=(0, 0, 0), axis=axis, angles=angles)
+        rigid.hinge("tibia", centre, axis, angles)

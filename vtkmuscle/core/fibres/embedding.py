@@ -17,7 +17,7 @@ from vtkmuscle.core.fibres.mean_value import coordinate_mesh, mean_value_coordin
 from vtkmuscle.core.jit import reduction
 from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.polylines import curve_segments, nearest_arcs
-from vtkmuscle.core.mesh.solids import points_inside, solids_of
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree, tree_of_deformed
 from vtkmuscle.core.skinning.skinning import falling_weights
 from vtkmuscle.core.types import ROUNDING, SAME, Bools, Floats, Ints, Progress, quiet
@@ -95,7 +95,7 @@ class EmbeddedPoints:
         the opposite side.
         """
         self._bent = tree_of_deformed(self._tree, vertices, self.triangles)
-        outside = np.flatnonzero(~points_inside(positions, self._bent))
+        outside = np.flatnonzero(~self._bent.inside(positions))
         _, nearest, distances = self._bent.nearest(positions[outside])
         far = distances > self.gap[outside]
         out, nearest = outside[far], nearest[far]

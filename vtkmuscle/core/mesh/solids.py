@@ -9,96 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.sampling import part_means
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.surface import numbered_edges, point_components, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
-
-#: Enlargement of boxes, as a part of the coordinates: rounding must hide no triangle from a ray.
-_ROUNDING = 1e-14
-
-
-def points_inside(queries: Floats, tree: TriangleTree) -> Bools:
-    """Return which points (k, 3) are inside a closed surface.
-
-    By the parity of triangles along a ray, so triangles may face either side. A point on the surface may
-    count as inside or outside, independent of further queries. Rays run along the axis of the surface's least
-    extent: across a long muscle few boxes are in line. Seen along the rays, each point of an edge belongs to
-    exactly one of both triangles, so no ray slips through.
-    """
-    inside = np.zeros(len(queries), dtype=np.bool_)
-    if len(queries):
-        along = int((tree.boxes[0, 3:] - tree.boxes[0, :3]).argmin())
-        slack = _ROUNDING * float(np.abs(tree.boxes[0]).max())
-        stack = np.empty(64, dtype=np.int64)
-        shape = tree.corners, tree.boxes, tree.leaves
-        _count(np.ascontiguousarray(queries), *shape, along, slack, stack, inside)
-    return inside
-
-
-@kernel
-def _count(
-    queries: Floats, corners: Floats, boxes: Floats, leaves: Ints, along: int, slack: float, stack: Ints,
-    inside: Bools,
-) -> None:  # fmt: skip
-    """Write whether an odd number of triangles is above each point. stack : (64,), working memory."""
-    n_leaves = len(leaves) - 1
-    u, v = (along + 1) % 3, (along + 2) % 3
-    for q in range(len(queries)):
-        x, y, z = queries[q, u], queries[q, v], queries[q, along]
-        stack[0], size, odd = 0, 1, False
-        while size:
-            size -= 1
-            node = stack[size]
-            if x + slack < boxes[node, u] or x - slack > boxes[node, 3 + u]:
-                continue
-            if y + slack < boxes[node, v] or y - slack > boxes[node, 3 + v]:
-                continue
-            if z - slack > boxes[node, 3 + along]:
-                continue
-            if node < n_leaves - 1:
-                stack[size], stack[size + 1] = 2 * node + 1, 2 * node + 2
-                size += 2
-                continue
-            leaf = node - (n_leaves - 1)
-            for i in range(leaves[leaf], leaves[leaf + 1]):
-                if _is_below(queries[q], corners[leaf, :, i - leaves[leaf]], along):
-                    odd = not odd
-        inside[q] = odd
-
-
-@kernel
-def _is_below(query: Floats, corners: Floats, along: int) -> bool:
-    """Return True for a triangle (9,) above a point. Along an axis. An edge belongs to one side."""
-    a, b, c = corners[:3], corners[3:6], corners[6:]
-    u, v = (along + 1) % 3, (along + 2) % 3
-    x, y = query[u], query[v]
-    ax, ay, bx, by, cx, cy = a[u], a[v], b[u], b[v], c[u], c[v]
-    within = _crosses(x, y, ax, ay, bx, by) != _crosses(x, y, bx, by, cx, cy)
-    if within == _crosses(x, y, cx, cy, ax, ay):
-        return False
-    ux, uy, uz = bx - ax, by - ay, b[along] - a[along]
-    vx, vy, vz = cx - ax, cy - ay, c[along] - a[along]
-    area = ux * vy - uy * vx
-    if area == 0.0:
-        return False
-    first = ((x - ax) * vy - (y - ay) * vx) / area
-    second = (ux * (y - ay) - uy * (x - ax)) / area
-    return bool(a[along] + first * uz + second * vz > query[along])
-
-
-@kernel
-def _crosses(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> bool:
-    """Return True if an edge crosses a ray. From (x, y) towards greater x."""
-    if (ay > y) == (by > y):
-        return False
-    # From the lower end, so that both triangles of the edge get the same bits.
-    if ay > by:
-        ax, ay, bx, by = bx, by, ax, ay
-    return bool(ax + (y - ay) / (by - ay) * (bx - ax) > x)
-
 
 #: Distance of points too far to matter, or not yet computed.
 FAR = 1e30
@@ -255,9 +170,8 @@ class Solids:
 
     Each connected part has its own inside, whether its triangles face outward or inward: parts may overlap,
     as the bones of a pelvis do, and a hollow in a bone counts as filled. The least distance over all parts
-    counts. A part without volume has an unsigned distance. The side is given by the angle-weighted normal at
-    the nearest point, exact for closed manifold parts of any genus (Baerentzen, Aanaes 2005, *Signed distance
-    computation using the angle weighted pseudonormal*, doi:10.1109/TVCG.2005.49).
+    counts. A part without volume has an unsigned distance. The side is given by the winding number, so a
+    part may cross itself, as noisy and decimated surfaces do.
     """
 
     #: Solid parts, closed and facing outward. Boxes of parts in a tree are disjoint: a point inside a part
@@ -314,7 +228,7 @@ class Solids:
         positions = _checked(points)
         within = np.zeros(len(positions), dtype=np.bool_)
         for tree in self.trees:
-            within |= points_inside(positions, tree)
+            within |= tree.inside(positions)
         return within
 
     def into(self, points: ArrayLike) -> Floats:
@@ -322,8 +236,7 @@ class Solids:
         moved = _checked(points).copy()
         beyond = np.flatnonzero(~self.inside(moved))
         distance, outward = self.exact(moved[beyond])
-        # Where a surface overlaps itself parity says outside: such a point is inside by its distance.
-        moved[beyond] -= np.maximum(distance, 0.0)[:, None] * outward
+        moved[beyond] -= distance[:, None] * outward
         return moved
 
 

@@ -15,11 +15,14 @@ from scipy.spatial import cKDTree
 from vtkmuscle.core.jit import LANES, kernel, lane, vector_kernel
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.shared import digest, shared
-from vtkmuscle.core.mesh.surface import numbered_edges, points_in_box
+from vtkmuscle.core.mesh.surface import numbered_edges
+from vtkmuscle.core.mesh.winding import find_inside, is_inside
 from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
 
 #: Shift of a triangle's centre by its number, as a part of the surface's size.
 _SLOPE = 1e-12
+#: Enlargement of boxes, as a part of the coordinates: rounding must hide no triangle from a ray.
+_ROUNDING = 1e-14
 #: Keeps a division by nothing finite.
 _TINY = float(np.finfo(np.float64).tiny)
 
@@ -59,38 +62,37 @@ class TriangleTree:
         search_tree(*tree, queries, nearest, closest, distances, regions, *_memory())
         return nearest, closest, distances, regions
 
-    def _sided(self, queries: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return signed distances, nearest points, and normals there. (q,), (q, 3) and (q, 3)."""
-        nearest, closest, distances, regions = self._nearest(queries)
-        normals, rows = self._normals
-        at_closest = normals[rows[nearest, regions]]
-        inside = np.einsum("ij,ij->i", queries - closest, at_closest) < 0.0
-        return np.where(inside, -distances, distances), closest, at_closest
+    @cached_property
+    def _rays(self) -> tuple[int, float]:
+        """Axis of rays and slack of boxes. Across a long muscle, along its least extent, few are in line."""
+        box = self.boxes[0]
+        return int((box[3:] - box[:3]).argmin()), _ROUNDING * float(np.abs(box).max())
 
     def lower(self, distances: Floats, queries: Floats, *, unsigned: bool = False) -> None:
         """Lower distances (q,) of points (q, 3) to the signed distances from the surface, in place."""
-        arrays = self.corners, self.boxes, self.leaves, *self._normals
-        lower_distances(*arrays, unsigned, queries, distances, *_memory())
+        tree, (along, slack) = (self.corners, self.boxes, self.leaves), self._rays
+        lower_distances(*tree, along, slack, unsigned, queries, distances, *_memory())
 
     def nearest(self, queries: Floats) -> tuple[Ints, Floats, Floats]:
         """Return nearest triangles, nearest points, and distances >= 0. Of points (q, 3)."""
         nearest, closest, distances, _ = self._nearest(queries)
         return self.order[nearest], closest, distances
 
-    def signed(self, queries: Floats) -> tuple[Floats, Floats]:
-        """Return distances (q,), negative inside, and nearest points (q, 3).
+    def inside(self, queries: Floats) -> Bools:
+        """Return which points (q, 3) are inside a closed surface.
 
-        The angle-weighted normal at the nearest point gives the sign: the surface must be closed, manifold
-        and face outward. Points on the surface are outside.
+        Triangles may face either side and cross: the winding number is not 0 inside. A point on the surface
+        is on either side.
         """
-        return self._sided(queries)[:2]
+        inside = np.zeros(len(queries), dtype=np.bool_)
+        tree, (stack, *_) = (self.corners, self.boxes, self.leaves), _memory()
+        find_inside(np.ascontiguousarray(queries), *tree, *self._rays, stack, inside)
+        return inside
 
     def depth(self, queries: Floats) -> Floats:
         """Return the depth (q,) in a closed surface. Of points (q, 3), 0 outside."""
-        depth = np.zeros(len(queries))
-        boxed = points_in_box(queries, self.boxes[0, :3], self.boxes[0, 3:])
-        if len(boxed):
-            depth[boxed] = np.maximum(-self.signed(queries[boxed])[0], 0.0)
+        depth, inside = np.zeros(len(queries)), self.inside(queries)
+        depth[inside] = self.nearest(queries[inside])[2]
         return depth
 
     def tangent_planes(self, queries: Floats) -> tuple[Floats, Floats, Floats]:
@@ -98,11 +100,12 @@ class TriangleTree:
 
         The normal is the gradient of the distance; on the surface, the angle-weighted normal.
         """
-        distances, closest, normals = self._sided(queries)
-        size = float(np.abs(self.boxes[0, 3:] - self.boxes[0, :3]).max())
-        away = (queries - closest) * np.where(distances < 0.0, -1.0, 1.0)[:, None]
-        directions = np.where(np.abs(distances)[:, None] > ROUNDING * size, away, normals)
-        return distances, closest, unit_vectors(directions)
+        nearest, closest, distances, regions = self._nearest(queries)
+        normals, rows = self._normals
+        sides, size = np.where(self.inside(queries), -1.0, 1.0), np.ptp(self.boxes[0].reshape(2, 3), axis=0)
+        away = distances[:, None] > ROUNDING * size.max()
+        outward = np.where(away, (queries - closest) * sides[:, None], normals[rows[nearest, regions]])
+        return sides * distances, closest, unit_vectors(outward)
 
 
 def _memory() -> tuple[Ints, Floats, Floats]:
@@ -285,27 +288,26 @@ def search_tree(
 
 @kernel
 def lower_distances(
-    corners: Floats, boxes: Floats, leaves: Ints, normals: Floats, rows: Ints, unsigned: bool,
-    queries: Floats, distances: Floats, stack: Ints, to_box: Floats, apart: Floats,
+    corners: Floats, boxes: Floats, leaves: Ints, along: int, slack: float, unsigned: bool, queries: Floats,
+    distances: Floats, stack: Ints, to_box: Floats, apart: Floats,
 ) -> None:  # fmt: skip
     """Lower distances (q,) to the signed distances from a tree's surface, where these are less.
 
-    Arrays are as of :func:`search_tree`, and the normals and rows of the tree. ``unsigned`` distances are of
-    a surface without an inside.
+    Arrays are as of :func:`search_tree`, ``along`` and ``slack`` as of
+    :func:`~vtkmuscle.core.mesh.winding.is_inside`. ``unsigned`` distances are of a surface without an inside.
     """
-    leaf = 0
+    leaf, last, distance, inside = 0, 0, -1.0, False
     for q in range(len(queries)):
         x, y, z, best = queries[q, 0], queries[q, 1], queries[q, 2], distances[q]
         if math.sqrt(distance2_to_box(boxes[0], x, y, z)) > max(best, 0.0):
             continue
-        leaf, k, square = _nearest_triangle(corners, boxes, leaves, x, y, z, leaf, stack, to_box, apart)
-        cx, cy, cz, region = nearest_on_triangle(x, y, z, corners[leaf, :, k])
-        row = rows[min(leaves[leaf] + k, leaves[leaf + 1] - 1), region]
-        x, y, z, normal = x - cx, y - cy, z - cz, normals[row]
-        distance = math.sqrt(square)
-        if not unsigned and x * normal[0] + y * normal[1] + z * normal[2] < 0.0:
-            distance = -distance
-        distances[q] = min(distance, best)
+        leaf, _, square = _nearest_triangle(corners, boxes, leaves, x, y, z, leaf, stack, to_box, apart)
+        x, y, z = x - queries[last, 0], y - queries[last, 1], z - queries[last, 2]
+        # No surface is between two points that are nearer to each other than to the surface.
+        if not (unsigned or math.sqrt(x * x + y * y + z * z) < distance):
+            inside = is_inside(queries[q], corners, boxes, leaves, along, slack, stack)
+        last, distance = q, math.sqrt(square)
+        distances[q] = min(-distance if inside else distance, best)
 
 
 @kernel

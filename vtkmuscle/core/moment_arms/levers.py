@@ -8,7 +8,7 @@ of q, without a motion.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import combinations
+from itertools import chain, combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -193,7 +193,7 @@ def length_jumps(
     where a step has fewer than three steps beside it.
 
     lengths : (f, k), per frame [mm];
-    times : (f,), ascending;
+    times : (f,), ascending, or see :func:`distances_moved`;
     stretches : (f - 1,), stretch of each step, see :func:`even_stretches`; only steps of a stretch are
         compared. Default: a single stretch;
     turns : (f - 1,), turns of the bones in each step [rad], see :func:`largest_turns`. Default: 0.
@@ -230,26 +230,36 @@ def even_stretches(motion: RigidMotion) -> Ints:
     if not len(durations):
         return np.zeros(0, dtype=np.int64)
     begins = np.zeros(len(durations), dtype=np.bool_)
-    for bone, table in motion.transforms.items():
-        centre = motion.centre_of(bone)
-        rotations = Rotation.from_matrix(table[:, :3, :3].copy())
-        turned = (rotations[1:] * rotations[:-1].inv()).as_rotvec()
-        shifted = np.diff(table[:, :3, :3] @ centre + table[:, :3, 3], axis=0)
-        lever = np.abs(centre).max() + np.abs(table[:, :3, 3]).max()
-        for moved, rounding in ((turned, SIX_DIGITS), (shifted, SIX_DIGITS * lever)):
-            velocities = moved / durations[:, None]
-            sizes, unsure = np.linalg.norm(velocities, axis=1), 2.0 * rounding / durations
-            # Velocities far below the largest, or within rounding, are from a table's last digits.
-            least = 0.02 * sizes.max() + unsure[1:] + unsure[:-1]
-            change = np.linalg.norm(np.diff(velocities, axis=0), axis=1)
-            begins[1:] |= change > UNEVEN * np.maximum(sizes[1:], sizes[:-1]) + least
+    unsure = 2.0 * SIX_DIGITS / durations
+    for moved in chain(*_moves(motion)):
+        velocities = moved / durations[:, None]
+        sizes = np.linalg.norm(velocities, axis=1)
+        # Velocities far below the largest, or within rounding, are from a table's last digits.
+        least = 0.02 * sizes.max() + unsure[1:] + unsure[:-1]
+        change = np.linalg.norm(np.diff(velocities, axis=0), axis=1)
+        begins[1:] |= change > UNEVEN * np.maximum(sizes[1:], sizes[:-1]) + least
     return np.cumsum(begins)
+
+
+def distances_moved(motion: RigidMotion) -> Floats:
+    """Return the motion of bones up to each frame, (k,). A still step is a hundredth of the largest."""
+    sizes = [np.linalg.norm(moved, axis=1) for moved in chain(*_moves(motion))]
+    steps = np.sum([np.zeros(len(motion.times) - 1), *sizes], axis=0)
+    return np.cumsum([0.0, *np.maximum(steps, 0.01 * steps.max(initial=0.0) or 1.0)])
+
+
+def _moves(motion: RigidMotion) -> Iterator[tuple[Floats, Floats]]:
+    """Yield turns [rad] and shifts (k - 1, 3) of each bone. Shifts are parts of the largest coordinate."""
+    for bone, table in motion.transforms.items():
+        centre, rotations = motion.centre_of(bone), Rotation.from_matrix(table[:, :3, :3].copy())
+        shifted = np.diff(table[:, :3, :3] @ centre + table[:, :3, 3], axis=0)
+        size = np.abs(centre).max() + np.abs(table[:, :3, 3]).max()
+        yield (rotations[1:] * rotations[:-1].inv()).as_rotvec(), shifted / max(size, np.finfo(float).tiny)
 
 
 def largest_turns(motion: RigidMotion) -> Floats:
     """Return the largest bone turn per step, (k - 1,) [rad]."""
     turns = np.zeros(max(len(motion.times) - 1, 0))
-    for table in motion.transforms.values():
-        rotations = Rotation.from_matrix(table[:, :3, :3].copy())
-        turns = np.maximum(turns, (rotations[1:] * rotations[:-1].inv()).magnitude())
+    for turned, _ in _moves(motion):
+        turns = np.maximum(turns, np.linalg.norm(turned, axis=1))
     return turns

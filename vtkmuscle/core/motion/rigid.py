@@ -231,15 +231,15 @@ def hinge(
     if not (np.isfinite(length) and length > 0):
         problem = f"the axis of a hinge must be finite and have a length, but is {axis!r}"
         raise InputError("", problem, "e.g. (1, 0, 0)")
-    times = np.asarray(angles, dtype=np.float64)
+    times, position = np.asarray(angles, dtype=np.float64), _centre(centre)
     if (np.diff(times) >= 180.0).any():
         raise InputError("", "successive angles of a hinge must differ by less than 180 degrees")
-    table = np.array([rotation_about(centre, axis, angle) for angle in times])
+    table = np.array([rotation_about(position, axis, angle) for angle in times])
     written = ", ".join(f"{component:g}" for component in direction)
-    twists = np.tile(twist_about(centre, axis), (len(times), 1))
+    twists = np.tile(twist_about(position, axis), (len(times), 1))
     angle = Coordinate(times, "deg", f"right-handed about ({written})", {bone: twists})
     name = coordinate or f"{bone}_angle"
-    return RigidMotion(times, {bone: table}, np.asarray(centre, dtype=np.float64), {name: angle})
+    return RigidMotion(times, {bone: table}, position, {name: angle})
 
 
 def _between(pair: Floats, fraction: float, centre: Floats) -> Floats:

@@ -193,7 +193,7 @@ def tissue_between(
         going = going[walked[going] < distance[going]]
         if not len(going):
             break
-        depth[going] = -muscle.signed(at[going] + walked[going, None] * aside[going])[0]
+        depth[going] = muscle.depth(at[going] + walked[going, None] * aside[going])
         going = going[depth[going] > 1e-4 * walked[going]]
     thickness = np.where(sure, walked, nearest).reshape(shape)
     for fibre, measured in zip(thickness, (sure & inside).reshape(shape), strict=True):

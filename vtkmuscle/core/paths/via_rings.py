@@ -14,7 +14,6 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.solids import points_inside
 from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -115,7 +114,7 @@ def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
     ends = points[edges[cut]]
     if within_ring(ring, ends[:, 0] + part * (ends[:, 1] - ends[:, 0])).any():
         return True
-    return bool(points_inside(ring.centre[None], triangle_tree(points, triangles.astype(np.int64)))[0])
+    return bool(triangle_tree(points, triangles.astype(np.int64)).inside(ring.centre[None])[0])
 
 
 @kernel
