@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -77,13 +76,6 @@ class BoneContacts:
         reaches = (float(kept.max(initial=0.0)) + self.rounding for kept in self._standoff)
         self._fields = [bone.look_up(reach) for bone, reach in zip(self._bones, reaches, strict=True)]
         self._work = np.empty(3)
-
-    def of_every(self, number: int, n: int) -> BoneContacts:
-        """Return the contacts of the first and each ``number``-th path from there on. Paths of n points."""
-        few = copy(self)
-        standoff = self._standoff.reshape(len(self.numbers), -1, n)[:, ::number]
-        few._standoff = np.ascontiguousarray(standoff.reshape(len(standoff), -1))
-        return few
 
     def proximity(self, transforms: Floats) -> Proximity:
         """Return a proximity in a pose of the bones (b, 4, 4), with no points looked up."""

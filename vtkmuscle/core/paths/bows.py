@@ -29,12 +29,11 @@ def free_shares(state: PathState, held: Floats | float = 0.0) -> Floats:
     shorter, but may run through bones; pushed out of the bones the curve is longer. The share is 1 for a
     curve as short as without bones, 0 for a curve as long as the path, the least of several curves.
     """
-    count, n, _ = state.points.shape
-    tried = slice(None, None, math.ceil(count / TRIED))
-    x, held = state.points[tried], np.broadcast_to(held, count)[tried]
-    contacts = state.sheet.contacts.of_every(tried.step, n)
-    near, bows = contacts.proximity(state.transforms), x - np.linspace(x[:, 0], x[:, -1], n, axis=1)
-    lengths, shares = path_lengths(x), (state.contacts[tried] == 0).astype(np.float64)
+    x, contacts = state.points, state.sheet.contacts
+    bows = x - np.linspace(x[:, 0], x[:, -1], x.shape[1], axis=1)
+    near = contacts.proximity(state.transforms)
+    tried = np.arange(len(x)) % math.ceil(len(x) / TRIED) == 0
+    lengths, shares = path_lengths(x), (tried & (state.contacts == 0)).astype(np.float64)
     for part in LEFT_OUT:
         if not (free := shares > held).any():
             break
@@ -46,6 +45,4 @@ def free_shares(state: PathState, held: Floats | float = 0.0) -> Floats:
         shorter = np.maximum(lengths - path_lengths(curves), np.finfo(float).eps * lengths)
         shares = np.clip((lengths - path_lengths(curves + pushes)) / shorter, 0.0, shares)
     shares = np.maximum(shares - held, 0.0)
-    result = np.full(count, shares.mean())
-    result[tried] = shares
-    return result
+    return np.asarray(np.where(tried, shares, shares[tried].mean()))
