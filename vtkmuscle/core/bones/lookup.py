@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from vtkmuscle.core.jit import kernel, lane
-from vtkmuscle.core.mesh.triangle_tree import distance2_to_box
+from vtkmuscle.core.mesh.tree_search import distance2_to_box
 from vtkmuscle.core.types import Floats, Ints
 
 #: A coarse node is every fourth node along each axis: its distance bounds those of all around it.
