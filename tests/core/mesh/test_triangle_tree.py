@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from oracles import igl
 from shapes import box
 
-from vtkmuscle.core.mesh.triangle_tree import CORNER, EDGE, pseudonormals, tree_of_deformed, triangle_tree
+from vtkmuscle.core.mesh.triangle_tree import tree_of_deformed, triangle_tree
 from vtkmuscle.phantoms.meshing import solid_of_revolution
 
 
@@ -63,19 +63,12 @@ def test_the_tree_of_a_bent_surface_answers_as_a_new_tree():
     assert_array_equal(tree.inside(queries), new.inside(queries))
 
 
-def test_pseudonormals_of_a_box_do_not_depend_on_its_diagonals():
+def test_normals_on_the_surface_lead_outward():
     points, triangles = box(high=(1.0, 1.0, 1.0))
-    normals, rows = pseudonormals(points, triangles)
-    normals = normals[rows]
-    at_corners = normals[:, CORNER:].reshape(-1, 3)
-    expected = (2.0 * points[triangles.reshape(-1)] - 1.0) * np.pi / 2.0
-    np.testing.assert_allclose(at_corners, expected, atol=1e-12)
-    # Every edge normal points to the outside of the two faces it belongs to.
-    middles = 0.5 * (points[triangles] + points[np.roll(triangles, -1, axis=1)])
-    outward = np.where(np.isin(middles, (0.0, 1.0)), 2.0 * middles - 1.0, 0.0)
-    lengths = np.linalg.norm(normals[:, EDGE:CORNER], axis=2, keepdims=True)
-    np.testing.assert_allclose(
-        normals[:, EDGE:CORNER] / lengths,
-        outward / np.linalg.norm(outward, axis=2, keepdims=True),
-        atol=1e-12,
-    )
+    corners, tree = points[triangles], triangle_tree(points, triangles)
+    places = np.concatenate([points, 0.5 * (corners + np.roll(corners, 1, axis=1)).reshape(-1, 3)])
+    places = np.concatenate([places, corners.mean(axis=1)])
+    distances, closest, normals = tree.tangent_planes(places)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(closest - distances[:, None] * normals, places, atol=1e-12)
+    assert not tree.inside(places + 1e-3 * normals).any()

@@ -11,18 +11,15 @@ from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
 
 #: Keeps a division by nothing finite.
 _TINY = float(np.finfo(np.float64).tiny)
-#: Regions of a triangle: its face, the edge from corner k to the next, or corner k.
-FACE, EDGE, CORNER = 0, 1, 4
 
 
 @kernel
 def nearest_on_triangle(  # noqa: PLR0911 -- a return for each region
     px: float, py: float, pz: float, corners: Floats
-) -> tuple[float, float, float, int]:
-    """Return the point and region of a triangle nearest to p. Corners (9,).
+) -> tuple[float, float, float]:
+    """Return the point of a triangle nearest to p. Corners (9,).
 
-    Voronoi regions of corners, edges and face, Ericson 2005, *Real-time collision detection*, 5.1.5. The
-    region is FACE, EDGE + k (from corner k to the next) or CORNER + k.
+    Voronoi regions of corners, edges and face, Ericson 2005, *Real-time collision detection*, 5.1.5.
     """
     a, b, c = corners[:3], corners[3:6], corners[6:]
     abx, aby, abz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -30,31 +27,31 @@ def nearest_on_triangle(  # noqa: PLR0911 -- a return for each region
     apx, apy, apz = px - a[0], py - a[1], pz - a[2]
     d1, d2 = abx * apx + aby * apy + abz * apz, acx * apx + acy * apy + acz * apz
     if d1 <= 0.0 and d2 <= 0.0:
-        return a[0], a[1], a[2], CORNER
+        return a[0], a[1], a[2]
     bpx, bpy, bpz = px - b[0], py - b[1], pz - b[2]
     d3, d4 = abx * bpx + aby * bpy + abz * bpz, acx * bpx + acy * bpy + acz * bpz
     if d3 >= 0.0 and d4 <= d3:
-        return b[0], b[1], b[2], CORNER + 1
+        return b[0], b[1], b[2]
     vc = d1 * d4 - d3 * d2
     if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
         t = d1 / (d1 - d3)
-        return a[0] + t * abx, a[1] + t * aby, a[2] + t * abz, EDGE
+        return a[0] + t * abx, a[1] + t * aby, a[2] + t * abz
     cpx, cpy, cpz = px - c[0], py - c[1], pz - c[2]
     d5, d6 = abx * cpx + aby * cpy + abz * cpz, acx * cpx + acy * cpy + acz * cpz
     if d6 >= 0.0 and d5 <= d6:
-        return c[0], c[1], c[2], CORNER + 2
+        return c[0], c[1], c[2]
     vb = d5 * d2 - d1 * d6
     if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
         t = d2 / (d2 - d6)
-        return a[0] + t * acx, a[1] + t * acy, a[2] + t * acz, EDGE + 2
+        return a[0] + t * acx, a[1] + t * acy, a[2] + t * acz
     va = d3 * d6 - d5 * d4
     if va <= 0.0 and d4 >= d3 and d5 >= d6:
         t = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        return b[0] + t * (c[0] - b[0]), b[1] + t * (c[1] - b[1]), b[2] + t * (c[2] - b[2]), EDGE + 1
+        return b[0] + t * (c[0] - b[0]), b[1] + t * (c[1] - b[1]), b[2] + t * (c[2] - b[2])
     # The foot on the plane, exact for needles.
     nx, ny, nz = aby * acz - abz * acy, abz * acx - abx * acz, abx * acy - aby * acx
     rise = (apx * nx + apy * ny + apz * nz) / (nx * nx + ny * ny + nz * nz)
-    return px - rise * nx, py - rise * ny, pz - rise * nz, FACE
+    return px - rise * nx, py - rise * ny, pz - rise * nz
 
 
 @kernel
@@ -69,19 +66,20 @@ def distance2_to_box(box: Floats, x: float, y: float, z: float) -> float:
 @kernel
 def search_tree(
     corners: Floats, boxes: Floats, leaves: Ints, queries: Floats, nearest: Ints, closest: Floats,
-    distances: Floats, regions: Ints, stack: Ints, to_box: Floats, apart: Floats,
+    distances: Floats, stack: Ints, to_box: Floats, apart: Floats,
 ) -> None:  # fmt: skip
-    """Write the nearest triangle to each query, with its nearest point, distance and region.
+    """Write the nearest triangle to each query, with its nearest point and distance.
 
-    corners, boxes, leaves : of a :class:`~vtkmuscle.core.mesh.triangle_tree.TriangleTree`; queries, closest : (q, 3); nearest, distances,
-    regions : (q,), triangles in the tree's order; stack, to_box, apart : working memory, (64,), (64,), (LANES,).
+    corners, boxes, leaves : of a :class:`~vtkmuscle.core.mesh.triangle_tree.TriangleTree`;
+    queries, closest : (q, 3); nearest, distances : (q,), triangles in the tree's order;
+    stack, to_box, apart : working memory, (64,), (64,), (LANES,).
     """
     leaf = 0  # the last query's: consecutive queries are neighbours along a fibre
     for q in range(len(queries)):
         x, y, z = queries[q, 0], queries[q, 1], queries[q, 2]
         leaf, k, square = _nearest_triangle(corners, boxes, leaves, x, y, z, leaf, stack, to_box, apart)
         nearest[q] = min(leaves[leaf] + k, leaves[leaf + 1] - 1)
-        cx, cy, cz, regions[q] = nearest_on_triangle(x, y, z, corners[leaf, :, k])
+        cx, cy, cz = nearest_on_triangle(x, y, z, corners[leaf, :, k])
         closest[q, 0], closest[q, 1], closest[q, 2] = cx, cy, cz
         distances[q] = math.sqrt(square)  # of equally near triangles each has the same
 

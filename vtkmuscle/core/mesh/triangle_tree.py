@@ -12,9 +12,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.jit import LANES, kernel
-from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
+from vtkmuscle.core.mesh.normals import smooth_normals, unit_vectors
 from vtkmuscle.core.mesh.shared import digest, shared
-from vtkmuscle.core.mesh.surface import numbered_edges
 from vtkmuscle.core.mesh.tree_search import find_inside, lower_distances, search_tree
 from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
 
@@ -46,20 +45,6 @@ class TriangleTree:
         return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
 
     @cached_property
-    def _normals(self) -> tuple[Floats, Ints]:
-        """Normals and rows of :func:`pseudonormals`, rows in the tree's order."""
-        normals, rows = pseudonormals(self.points, self.triangles)
-        return normals, rows[self.order]
-
-    def _nearest(self, queries: Floats) -> tuple[Ints, Floats, Floats, Ints]:
-        """Return the nearest triangle in the tree's order, its nearest point, distance and region."""
-        nearest, regions = np.zeros((2, len(queries)), dtype=np.int64)
-        closest, distances = np.zeros((len(queries), 3)), np.zeros(len(queries))
-        queries, tree = np.ascontiguousarray(queries), (self.corners, self.boxes, self.leaves)
-        search_tree(*tree, queries, nearest, closest, distances, regions, *_memory())
-        return nearest, closest, distances, regions
-
-    @cached_property
     def _rays(self) -> tuple[int, float]:
         """Axis of rays and slack of boxes. Across a long muscle, along its least extent, few are in line."""
         box = self.boxes[0]
@@ -72,7 +57,10 @@ class TriangleTree:
 
     def nearest(self, queries: Floats) -> tuple[Ints, Floats, Floats]:
         """Return nearest triangles, nearest points, and distances >= 0. Of points (q, 3)."""
-        nearest, closest, distances, _ = self._nearest(queries)
+        nearest, distances = np.zeros(len(queries), dtype=np.int64), np.zeros(len(queries))
+        queries, closest = np.ascontiguousarray(queries), np.zeros((len(queries), 3))
+        tree = self.corners, self.boxes, self.leaves
+        search_tree(*tree, queries, nearest, closest, distances, *_memory())
         return self.order[nearest], closest, distances
 
     def inside(self, queries: Floats) -> Bools:
@@ -95,13 +83,13 @@ class TriangleTree:
     def tangent_planes(self, queries: Floats) -> tuple[Floats, Floats, Floats]:
         """Return signed distances, nearest points, and unit normals (q, 3).
 
-        The normal is the gradient of the distance; on the surface, the angle-weighted normal.
+        The normal is the gradient of the distance; on the surface, the surface's smooth normal.
         """
-        nearest, closest, distances, regions = self._nearest(queries)
-        normals, rows = self._normals
+        nearest, closest, distances = self.nearest(queries)
         sides, size = np.where(self.inside(queries), -1.0, 1.0), np.ptp(self.boxes[0].reshape(2, 3), axis=0)
-        away = distances[:, None] > ROUNDING * size.max()
-        outward = np.where(away, (queries - closest) * sides[:, None], normals[rows[nearest, regions]])
+        outward, on = (queries - closest) * sides[:, None], distances <= ROUNDING * size.max()
+        if on.any():
+            outward[on] = smooth_normals(self.points, self.triangles, nearest[on], closest[on])
         return sides * distances, closest, unit_vectors(outward)
 
 
@@ -179,33 +167,6 @@ def _leaf_bounds(count: int) -> Ints:
     while np.diff(bounds).max() > LANES:
         bounds = np.insert(bounds, np.arange(1, len(bounds)), (bounds[:-1] + bounds[1:]) // 2)
     return bounds
-
-
-def pseudonormals(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
-    """Return normals (k, 3) for sides, and their rows (m, 7).
-
-    A point is outside if its offset from the nearest surface point goes along the normal there. The normal of
-    an edge is the sum of its triangles' unit normals; the normal of a corner weights them by the triangles'
-    angles: Baerentzen, Aanaes 2005, doi:10.1109/TVCG.2005.49. Rows are of each triangle's regions FACE, EDGE
-    + k and CORNER + k; triangles face outward.
-    """
-    normals = triangle_normals(points, triangles)
-    faces = unit_vectors(normals)
-    onward = points[triangles[:, [1, 2, 0]]] - points[triangles]
-    # atan2 keeps small angles exact, and is 0 for triangles without area.
-    sines, cosines = np.linalg.norm(normals, axis=1), -np.einsum("mki,mki->mk", onward, onward[:, [2, 0, 1]])
-    angles = np.arctan2(sines[:, None], cosines).reshape(-1)
-    edge_of = numbered_edges(triangles)[1]
-    parts = [faces]
-    for at, weights, count in (
-        (edge_of, np.ones(len(angles)), int(edge_of.max(initial=-1)) + 1),
-        (triangles.reshape(-1), angles, len(points)),
-    ):
-        sums = [np.bincount(at, weights * np.repeat(axis, 3), count) for axis in faces.T]
-        parts.append(np.column_stack(sums))
-    first, second = len(faces), len(faces) + len(parts[1])
-    own = np.arange(len(faces))[:, None]
-    return np.vstack(parts), np.hstack([own, first + edge_of.reshape(-1, 3), second + triangles])
 
 
 #: Displacement within which a neighbour's surface counts as flat, as a part of its mean edge.
