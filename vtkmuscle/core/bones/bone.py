@@ -20,8 +20,8 @@ from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.sampling import UNEVEN, uneven_weights
 from vtkmuscle.core.mesh.shared import shared
-from vtkmuscle.core.mesh.solids import FAR, Solids, closed_shells, solids_from, solids_of
-from vtkmuscle.core.mesh.surface import NOISE, points_in_box
+from vtkmuscle.core.mesh.solids import FAR, LEAST_PIECE, Solids, closed_shells, solids_from, solids_of
+from vtkmuscle.core.mesh.surface import points_in_box
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -91,7 +91,7 @@ class Bone:
             corners = closed.points[closed.shells[number].reshape(-1)].T.copy()
             low, high = corners.min(axis=1), corners.max(axis=1)
             within = any((low >= lowest).all() and (high <= highest).all() for lowest, highest in boxes)
-            if parts and (within or sizes[number] < NOISE * sum(sizes)):
+            if parts and (within or sizes[number] < LEAST_PIECE * sum(sizes)):
                 parts[0].append(number)
             else:
                 parts.append([number])
