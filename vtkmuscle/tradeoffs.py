@@ -156,7 +156,7 @@ def tradeoff(
     frame_numbers(frames, len(scene.motion.times))  # a ValueError, not a row of each run
     check_sense(scene)
     varied, tried = tuple(settings or TRIED), combinations(settings or TRIED)
-    bare = _without(scene, _OF_QUALITY)
+    bare = _without_own(scene)
     labelled = [(each, (bare if "quality" in varied else scene).with_settings(**each)) for each in tried]
     deformers = dict.fromkeys(values.get("deformer", scene.deformer) for values in tried)
     finest = {name: max(values[name] for values in tried) for name in varied if name == "n_fibres"}
@@ -185,11 +185,11 @@ def tradeoff(
     return measured_all
 
 
-def _without(scene: Scene, names: set[str]) -> Scene:
+def _without_own(scene: Scene) -> Scene:
     """Return the scene without its own values of parameters."""
 
     def rest(own: Mapping[str, Any] | None) -> dict[str, Any]:
-        return {name: value for name, value in (own or {}).items() if name not in names}
+        return {name: value for name, value in (own or {}).items() if name not in _OF_QUALITY}
 
     muscles = {name: replace(muscle, solver=rest(muscle.solver)) for name, muscle in scene.muscles.items()}
     scene_wide: dict[str, Any] = {"solver": rest(scene.solver), "paths": rest(scene.paths) or None}

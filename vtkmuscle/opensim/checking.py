@@ -127,7 +127,7 @@ class ModelCheck:
     def write(self, page: Path) -> Path:
         """Write a page and a table; return the table's path."""
         titles = (f"{each.muscle}, {each.coordinate}: {each.what}" for each in self.findings)
-        drawn = (svg_curve(each.values, 1000.0 * each.arms, each.unit, "mm") for each in self.findings)
+        drawn = (svg_curve(each.values, 1000.0 * each.arms, each.unit) for each in self.findings)
         curves = list(zip(titles, drawn, strict=True))
         sections = [
             Section("Findings", str(self), shown_rows(self.table()), words=True),

@@ -107,14 +107,14 @@ def _shown(value: Any) -> str:
 _SIZE = (220, 50)
 
 
-def svg_curve(x: Floats, y: Floats, x_unit: str, y_unit: str) -> dict[str, Any]:
-    """Return a curve with zero line and numbers at the ends for SVG, without outliers as at jumps."""
+def svg_curve(x: Floats, y: Floats, x_unit: str) -> dict[str, Any]:
+    """Return a curve [mm] with zero line and numbers at the ends for SVG, without outliers as at jumps."""
     low, high = np.clip(np.percentile(y, [2.0, 98.0]), [-np.inf, 0.0], [0.0, np.inf])
     width, height = _SIZE
     across = width * (x - x[0]) / np.ptp(x)
     up, zero = height * (high - np.array([np.clip(y, low, high), 0.0 * y])) / ((high - low) or 1.0)
     points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across, up, strict=True))
-    labels = [(-4, 9, "end", f"{high:.0f} {y_unit}"), (-4, height, "end", f"{low:.0f}")]
+    labels = [(-4, 9, "end", f"{high:.0f} mm"), (-4, height, "end", f"{low:.0f}")]
     labels += [(0, height + 13, "start", f"{x[0]:.4g}"), (width, height + 13, "end", f"{x[-1]:.4g} {x_unit}")]
     return {"size": _SIZE, "points": points, "zero": f"{zero[0]:.1f}", "labels": labels}
 

@@ -34,9 +34,6 @@ REACH = 0.25
 #: Step of the nodes that bound the distances of far points: few of these nodes bound them all.
 APART = 16
 
-#: Fewer points are measured without a field.
-_LEAST_LOOKED_UP = 64
-
 #: Most nodes of a field: half a GB of addresses, of which memory is taken where nodes are known.
 _MOST_NODES = 2.0**26
 
@@ -144,7 +141,7 @@ class Bone:
         """Return the depth (n,) of points (n, 3) at rest in the exact surface [mm], 0 outside."""
         depth = np.zeros(len(points))
         near = points_in_box(points, *self.box)
-        if len(near) > _LEAST_LOOKED_UP:
+        if len(near):
             outside = np.zeros(len(near), dtype=np.bool_)
             field = self.look_up()
             while True:
@@ -152,7 +149,6 @@ class Bone:
                 if not self.fill(field):
                     break
             near = near[~outside]
-        if len(near):
             depth[near] = self.solids.depth(points[near])
         return depth
 

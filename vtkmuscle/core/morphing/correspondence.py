@@ -52,7 +52,7 @@ def starting_points(stack: LoopStack, continuity: float, corner: Floats) -> Floa
     loops, levels, start_costs = stack
     if continuity == 0.0 and start_costs is None:
         return np.tile(corner, (len(loops), 1))
-    samples = np.array([sampled_loop(loop, corner, N_STARTS) for loop in loops])
+    samples = np.array([sampled_loop(loop, corner) for loop in loops])
     costs = ((samples - corner) ** 2).sum(axis=2) if start_costs is None else start_costs(samples)
     costs = costs * (np.gradient(levels) if len(levels) > 1 else np.ones(1))[:, None]
     centred = samples - samples.mean(axis=1, keepdims=True)
@@ -113,11 +113,11 @@ def boundary_centroids(loops: Sequence[Floats]) -> Floats:
     return np.add.reduceat(lengths * (points + after), firsts) / (2.0 * np.add.reduceat(lengths, firsts))
 
 
-def sampled_loop(loop: Floats, corner: Floats, count: int) -> Floats:
-    """Return `count` equidistant points along a loop (n, k). The first is the loop's point nearest to Q0."""
+def sampled_loop(loop: Floats, corner: Floats) -> Floats:
+    """Return :data:`N_STARTS` equidistant points along a loop (n, k), from its point nearest to Q0 on."""
     lengths = loop_lengths(loop)
     first = nearest_arc(loop, lengths, corner)
-    return points_at(loop, lengths, first + lengths[-1] * np.arange(count) / count)
+    return points_at(loop, lengths, first + lengths[-1] * np.arange(N_STARTS) / N_STARTS)
 
 
 def points_at(loop: Floats, lengths: Floats, arcs: Floats) -> Floats:

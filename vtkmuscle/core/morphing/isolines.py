@@ -174,7 +174,7 @@ def _distances_from_rectangle(sides: Floats, areas: Floats) -> FloatMap:
     width, depth = sides[:2]
     corners = np.array([(0.0, 0.0), (width, 0.0), (width, depth), (0.0, depth)])
     rectangle = np.zeros((N_STARTS, 3))
-    rectangle[:, :2] = sampled_loop(corners, np.zeros(2), N_STARTS) - [width / 2.0, depth / 2.0]
+    rectangle[:, :2] = sampled_loop(corners, np.zeros(2)) - [width / 2.0, depth / 2.0]
     along = areas[:, 2] / np.maximum(np.linalg.norm(areas, axis=1), np.finfo(float).tiny)
 
     def costs(positions: Floats) -> Floats:

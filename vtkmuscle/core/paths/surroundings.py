@@ -89,7 +89,7 @@ def surroundings_of(
     for kept, (number, piece) in zip(standoff, pieces, strict=True):
         bone = bones.index(number)
         distance, outward, tissue = tissue_between(fibres, tangents, depth, piece, muscle)
-        tissue = np.minimum(smoothed_along(tissue, THICKNESS_SMOOTHING), distance)
+        tissue = np.minimum(smoothed_along(tissue), distance)
         kept[:] = np.minimum(tissue, LARGEST_STANDOFF * thickness)
         np.minimum(distances[bone], distance, out=distances[bone])
         gap = np.clip((distance - kept) / thickness, 0.0, 1.0)
@@ -143,13 +143,13 @@ def directions_along(points: Floats) -> Floats:
     return unit_vectors(np.gradient(points, axis=1))
 
 
-def smoothed_along(values: Floats, deviation: float) -> Floats:
+def smoothed_along(values: Floats) -> Floats:
     """Return values smoothed along n by a Gaussian.
 
     Values are (f, n, ...); the values of both ends stay. The Gaussian's standard deviation is a part of the
     whole length, whatever the number of points.
     """
-    variance = (deviation * (values.shape[1] - 1)) ** 2
+    variance = (THICKNESS_SMOOTHING * (values.shape[1] - 1)) ** 2
     passes = math.ceil(2.0 * variance - 1e-9)
     result = values.copy()
     for _ in range(passes):
