@@ -51,7 +51,7 @@ def measure(name, surface, rng, *, cell):
     bone = Bone(*surface, cell=cell)
     queries = near_surface(*surface, rng, count=50_000, distance=1.0)
     seconds = seconds_of(lambda: bone.field(queries))
-    exact, found = bone.exact(queries)[0], bone.field(queries)[0]
+    exact, found = bone.solids.exact(queries)[0], bone.field(queries)[0]
     p50, p95, worst = np.percentile(np.abs(found - exact), [50, 95, 100])
     wrong = np.mean((found < 0) != (exact < 0))
     print(

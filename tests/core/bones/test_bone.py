@@ -30,7 +30,7 @@ def test_the_field_is_within_its_bound_of_the_exact_distance(shape, rng):
     bone = Bone(*SHAPES[shape], cell=0.7)
     points = around(SHAPES[shape], rng)
     distance, outward = bone.field(points)
-    exact, away = bone.exact(points)
+    exact, away = bone.solids.exact(points)
     assert np.abs(distance - exact).max() <= FIELD_ERROR * bone.cell
     assert np.percentile(np.abs(distance - exact), 95) < 0.2 * bone.cell
     np.testing.assert_allclose(np.linalg.norm(outward, axis=1), 1.0, atol=1e-9)
@@ -95,18 +95,6 @@ def test_normals_have_no_jumps_between_cells_and_blocks():
     turns = np.linalg.norm(np.diff(outward, axis=0), axis=1)
     assert turns.max() < 10.0 * turns.mean()
     assert np.abs(np.diff(distance)).max() < np.linalg.norm(np.diff(way, axis=0), axis=1).max()
-
-
-def test_depths_are_exact_whatever_is_known_of_the_field(rng):
-    shape = SHAPES["two shells"]
-    bone, fresh, points = Bone(*shape), Bone(*shape), around(shape, rng, 3000, margin=0.0)
-    expected = np.maximum(-bone.exact(points)[0], 0.0)
-    bone.field(points[::2])
-    np.testing.assert_array_equal(bone.depth(points), fresh.depth(points))
-    np.testing.assert_allclose(bone.depth(points), expected, atol=1e-12)
-    np.testing.assert_array_equal(
-        [bone.depth(point[None])[0] for point in points[:50]], bone.depth(points)[:50]
-    )
 
 
 def test_the_deepest_of_moved_bones_counts(rng):

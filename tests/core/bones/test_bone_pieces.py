@@ -21,7 +21,7 @@ def test_a_piece_far_away_changes_nothing(rng, far_first):
     bone = Bone(*union(*pieces), cell=1.0)
     points = samples(rng, (-2.0, -2.0, -2.0), (22.0, 22.0, 3.0))
     exact = distance_to_box(points, *PLATE)
-    np.testing.assert_allclose(bone.exact(points)[0], exact, atol=1e-9)
+    np.testing.assert_allclose(bone.solids.exact(points)[0], exact, atol=1e-9)
     np.testing.assert_allclose(bone.field(points)[0], exact, atol=0.87)
 
 
@@ -30,7 +30,7 @@ def test_a_bone_far_from_the_origin_is_measured_as_one_near_it(rng, offset):
     points, triangles = sphere(10.0, 500)
     at = samples(rng, -13.0, 13.0, 500)
     here, there = Bone(points, triangles), Bone(points + offset, triangles)
-    np.testing.assert_allclose(there.exact(at + offset)[0], here.exact(at)[0], atol=1e-8)
+    np.testing.assert_allclose(there.solids.exact(at + offset)[0], here.solids.exact(at)[0], atol=1e-8)
     np.testing.assert_allclose(there.field(at + offset)[0], here.field(at)[0], atol=1e-4)
 
 
@@ -43,9 +43,9 @@ def test_two_rods_are_two_pieces_with_directions_of_their_own():
     bone = Bone(*union(meshed_box((0, 0, 0), (10, 10, 100), 5.0), meshed_box((20, 0, 0), (30, 10, 90), 5.0)))
     first, second = bone.pieces
     at = np.array([[15.5, 5.0, 50.0]])
-    np.testing.assert_allclose(first.exact(at)[1], [[1.0, 0.0, 0.0]], atol=1e-9)
-    np.testing.assert_allclose(second.exact(at)[1], [[-1.0, 0.0, 0.0]], atol=1e-9)
-    np.testing.assert_allclose(first.exact(at)[0], 5.5)
+    np.testing.assert_allclose(first.solids.exact(at)[1], [[1.0, 0.0, 0.0]], atol=1e-9)
+    np.testing.assert_allclose(second.solids.exact(at)[1], [[-1.0, 0.0, 0.0]], atol=1e-9)
+    np.testing.assert_allclose(first.solids.exact(at)[0], 5.5)
     assert first.cell == second.cell == bone.cell
     assert len(first.triangles) + len(second.triangles) == len(bone.triangles)
 

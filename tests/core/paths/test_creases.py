@@ -58,7 +58,7 @@ def test_a_sheet_in_the_groove_of_a_pulley_comes_to_rest():
 def test_the_gap_of_a_point_near_a_bone_does_not_depend_on_its_way(rng):
     """In the hole of a ring, values between nodes may be less than bounds by the distances of nodes."""
     bone, still, x = Bone(*ring(), cell=2.0), np.eye(4)[None], rng.uniform(-12.0, 12.0, (1, 5000, 3))
-    standoff = np.maximum(bone.exact(x[0])[0] - rng.uniform(0.02, 0.1, 5000), 0.0)
+    standoff = np.maximum(bone.solids.exact(x[0])[0] - rng.uniform(0.02, 0.1, 5000), 0.0)
     contacts = BoneContacts([(0, bone)], standoff[None, None], 1.0)
     near = contacts.proximity(still)
     for _ in range(10):

@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.bones.lookup import (
-    FIELD_ERROR,
     Field,
     distance_and_normal,
-    distance_at,
     least_distance_at,
 )
 from vtkmuscle.core.errors import InputError, errors_at
@@ -21,7 +19,6 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.sampling import UNEVEN, uneven_weights
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import FAR, LEAST_PIECE, Solids, closed_shells, solids_from, solids_of
-from vtkmuscle.core.mesh.surface import points_in_box
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -44,7 +41,7 @@ _LACKING = 4096
 class Bone:
     """A bone in its rest pose.
 
-    Points (n, 3) [mm] and triangles (m, 3) are not changed afterwards. :meth:`exact` measures distances from
+    Points (n, 3) [mm] and triangles (m, 3) are not changed afterwards. The solids measure distances from
     the triangles, in a microsecond or two for each point. :meth:`field` looks up distances, in a few
     hundredths of the time, between the nodes of a lattice along the bone's own axes. Nodes are measured when
     first looked up. The value at a node depends on the bone alone, to the last digit. A bone without near
@@ -128,30 +125,6 @@ class Bone:
         low, high = self.box_along_axes
         return float(np.linalg.norm(high - low)) / CELLS_PER_DIAGONAL
 
-    def exact(self, points: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the distances of points from the triangles.
-
-        Distances (n,) [mm] are negative inside; points (n, 3) are at rest. The function also returns the unit
-        vectors (n, 3) in which the distances grow: the nearest place on the surface is the point less the
-        distance in the unit vector's direction.
-        """
-        return self.solids.exact(points)
-
-    def depth(self, points: Floats) -> Floats:
-        """Return the depth (n,) of points (n, 3) at rest in the exact surface [mm], 0 outside."""
-        depth = np.zeros(len(points))
-        near = points_in_box(points, *self.box)
-        if len(near):
-            outside = np.zeros(len(near), dtype=np.bool_)
-            field = self.look_up()
-            while True:
-                _find_outside(field, self.axes, points[near], outside, np.empty(3))
-                if not self.fill(field):
-                    break
-            near = near[~outside]
-            depth[near] = self.solids.depth(points[near])
-        return depth
-
     def field(self, points: ArrayLike, *, within: ArrayLike = np.inf) -> tuple[Floats, Floats]:
         """Return the trilinear distances and directions of points.
 
@@ -175,7 +148,7 @@ class Bone:
         if len(beyond):
             distance[beyond] = FAR
             beyond = beyond[(np.abs(positions[beyond]) < FAR).all(axis=1)]
-            distance[beyond], outward[beyond] = self.exact(positions[beyond])
+            distance[beyond], outward[beyond] = self.solids.exact(positions[beyond])
         return distance, outward
 
     def look_up(self, reach: float = 0.0) -> Field:
@@ -238,7 +211,7 @@ def depth_in(bones: Iterable[tuple[Bone, Floats]], points: Floats) -> Floats:
     """
     depth = np.zeros(len(points))
     for bone, transform in bones:
-        np.maximum(depth, bone.depth(apply_transform(inverse(transform), points)), out=depth)
+        np.maximum(depth, bone.solids.depth(apply_transform(inverse(transform), points)), out=depth)
     return depth
 
 
@@ -321,15 +294,3 @@ def _look_up(
         for k in range(3):
             outward[i, k] = axes[0, k] * normal[0] + axes[1, k] * normal[1] + axes[2, k] * normal[2]
         lacks[i] = field.lacking[0] > before
-
-
-@kernel
-def _find_outside(field: Field, axes: Floats, points: Floats, outside: Bools, at: Floats) -> None:
-    """Write which points coarse nodes, or known nodes around, have outside; at : (3,), memory."""
-    for i in range(len(points)):
-        transform_point(axes, points, i, at)
-        before, noted = field.lacking[0], field.lacking[1]
-        outside[i] = least_distance_at(field, at[0], at[1], at[2], 0.0) > 0.0
-        if not outside[i] and field.lacking[0] == before:
-            outside[i] = distance_at(field, at[0], at[1], at[2]) > FIELD_ERROR * field.cell
-            field.lacking[0], field.lacking[1] = before, noted  # it need not be filled for that

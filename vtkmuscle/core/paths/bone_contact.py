@@ -100,7 +100,7 @@ class BoneContacts:
                     break
             if beyond:
                 far = np.flatnonzero(np.isnan(gaps))
-                distance, outward = bone.exact(apply_transform(bone.from_axes, points[far]))
+                distance, outward = bone.solids.exact(apply_transform(bone.from_axes, points[far]))
                 turn = to_axes[:3, :3].T @ bone.axes[:3, :3]
                 gaps[far], normals[far] = distance - standoff[far], outward @ turn.T
 

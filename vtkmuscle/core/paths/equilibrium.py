@@ -94,22 +94,12 @@ def pull_apart(forces: Floats, pairs: Indices, lanes: Floats) -> None:
 
     The second points get the opposite. The forces are (f n, 3).
     """
-    starts, ends, first, f0, f1, f2 = pairs[0], pairs[1], pairs[0, 0], 0.0, 0.0, 0.0
+    starts, ends = pairs[0], pairs[1]
     for k in range(WIDTH):
         i, j = starts[k], ends[k]
-        if i != first:
-            forces[first, 0] += f0
-            forces[first, 1] += f1
-            forces[first, 2] += f2
-            first, f0, f1, f2 = i, 0.0, 0.0, 0.0
-        g0, g1, g2 = lanes[k], lanes[WIDTH + k], lanes[2 * WIDTH + k]
-        f0, f1, f2 = f0 + g0, f1 + g1, f2 + g2
-        forces[j, 0] -= g0
-        forces[j, 1] -= g1
-        forces[j, 2] -= g2
-    forces[first, 0] += f0
-    forces[first, 1] += f1
-    forces[first, 2] += f2
+        for c in range(3):
+            forces[i, c] += lanes[c * WIDTH + k]
+            forces[j, c] -= lanes[c * WIDTH + k]
 
 
 @lane

@@ -178,7 +178,7 @@ def tissue_between(
     """
     shape = points.shape[:2]
     at, along = points.reshape(-1, 3), tangents.reshape(-1, 3)
-    distance, outward = bone.exact(at)
+    distance, outward = bone.solids.exact(at)
     aside = np.einsum("ij,ij->i", outward, along)[:, None] * along - outward
     size = np.linalg.norm(aside, axis=1)
     sure = size >= LEAST_BESIDE
