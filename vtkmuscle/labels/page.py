@@ -226,7 +226,7 @@ def taut_line(start: Floats, end: Floats, bones: Sequence[Solids], radius: float
             within = np.all((line > low - radius) & (line < high + radius), axis=1)
             close = np.flatnonzero(np.asarray(within)[1:-1]) + 1
             if len(close):
-                distance, outward = bone.solids.exact(line[close])
+                distance, outward = bone.exact(line[close])
                 line[close] += np.maximum(clearance[close] - distance, 0.0)[:, None] * outward
         if np.abs(line - before).max() < 1e-3 * radius:
             break
@@ -306,7 +306,7 @@ def _draw_tendons(draft: Draft, muscle: str, label: Label, edge: float) -> None:
         candidates = draft.candidate_bones(muscle)
         bones = {name: solids_of(*checked_surface(bone, name)) for name, bone in candidates.items()}
         middle = area.landmarks.mean(axis=0)
-        distance, outward = bones[area.bone].solids.exact(middle[None])
+        distance, outward = bones[area.bone].exact(middle[None])
         target = middle - distance[0] * outward[0]
         solids, field = [*bones.values()], label.field(SMOOTHING)
         draft.muscles[muscle], length, radius = with_tendon(field, surface, target, solids, edge, draft.scale)

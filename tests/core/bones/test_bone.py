@@ -47,7 +47,6 @@ def test_what_was_asked_before_changes_no_digit(seed, parts):
     bone, order = Bone(*shape), rng.permutation(len(points))
     for part in np.array_split(order, parts):
         bone.field(points[part], within=float(rng.choice([0.5, np.inf])))
-        bone.depth(points[part])
     again, once_more = bone.field(points)
     np.testing.assert_array_equal(again, distance)
     np.testing.assert_array_equal(once_more, outward)

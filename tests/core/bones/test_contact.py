@@ -96,7 +96,7 @@ def test_points_in_two_bones_leave_both():
     bones = [Bone(*box((-5, -5, -5), (5, 5, 5))), Bone(*box((4.0, -5, -5), (20, 5, 5)))]
     p, _ = keep_out(bones, [[4.5, 0.0, 4.8], [4.6, 0.0, -4.9]], transforms=np.tile(np.eye(4), (2, 1, 1)))
     for bone in bones:
-        assert bone.depth(p).max() < 0.1
+        assert bone.solids.depth(p).max() < 0.1
 
 
 def test_odd_points_are_finite_or_left_alone(globe):
