@@ -63,9 +63,6 @@ def geodesic_curve(points: Floats, edges: Ints, vertices: Ints, *, closed: bool)
 #: Largest distance of a landmark from its muscle, as a part of the muscle's diagonal: finds wrong units, of a
 #: factor of ten or more.
 FARTHEST_LANDMARK = 0.2
-#: Share of the surface below which the smaller side of a ring is certainly its inside: the rest of a muscle
-#: that lies on its bone is as near.
-CLEAR_SHARE = 0.2
 #: Least approach to the bone by a step along the normal of a facing point, as a part of the step; a point
 #: that faces away recedes as much. Points between are on the rim of the muscle. If all points faced the bone,
 #: fibres of four muscles of a real hip would change by 0.04 to 0.4 mm.
@@ -81,7 +78,7 @@ def attachment_patch(
     Landmarks are projected to the nearest points of the muscle, on the side that faces the bone if within
     reach, and geodesics along edges join neighbours. A ring cuts the surface: the patch is the cut-off parts
     except the largest, with the ring's points, so a ring that crosses itself keeps all its loops, in either
-    direction. Among parts of similar size, the part nearer to the bone is the patch. An open curve, a ring on
+    direction. If the largest part is nearer to the bone, it is the patch. An open curve, a ring on
     a line, and a ring that cuts nothing off give the points within a tolerance of the projected curve, on its
     side of the muscle.
 
@@ -174,10 +171,9 @@ def _enclosed(
     largest = at_loop[np.argmax(np.bincount(labels, weights=areas)[at_loop])]
     inside = np.isin(labels, at_loop) & (labels != largest)
     outside = labels == largest
-    share = areas[inside].sum() / (areas[inside].sum() + areas[outside].sum())
     # A flat muscle may be attached with a whole face, and area does not tell its faces apart. (Nor does the
     # plane of the ring: over a hollow bone the wrong face is nearer.)
-    if to_bone is not None and share > CLEAR_SHARE:
+    if to_bone is not None:
         distances = to_bone(points[triangles].mean(axis=1))
         nearness = [np.average(distances[part], weights=areas[part]) for part in (inside, outside)]
         if nearness[1] < nearness[0]:
