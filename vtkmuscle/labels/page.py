@@ -233,9 +233,9 @@ def taut_line(start: Floats, end: Floats, bones: Sequence[Solids], radius: float
     return line
 
 
-#: Edge length of triangles: at most [mm], and in voxels, so that 95 % of the phantom hip's surface is within
-#: 0.34 mm (benchmarks/bench_labels.py).
-EDGE, EDGE_VOXELS = 3.0, 2.0
+#: Edge length of triangles, in voxels, so that 95 % of the phantom hip's surface is within 0.34 mm
+#: (benchmarks/bench_labels.py).
+EDGE_VOXELS = 2.0
 
 
 def draft_of_labels(
@@ -252,7 +252,7 @@ def draft_of_labels(
     images = [(image, labels_in(image, str(path))) for image in read_labels(path, names=names, frame=frame)]
     frames = [label.frame[:3, :3] for _, by_name in images for label in by_name.values()]
     voxel = float(min(abs(np.linalg.det(axes)) for axes in frames) ** (1 / 3))
-    edge = edge or min(EDGE, EDGE_VOXELS * voxel)
+    edge = edge or min(LabelSurfaces().edge, EDGE_VOXELS * voxel)
     for image, by_name in images:
         used = [name for name in by_name if kind_of(name)]
         for name in (name for name in by_name if name not in used):

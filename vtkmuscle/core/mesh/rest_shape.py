@@ -188,9 +188,8 @@ class RestShape:
         return ShapeReport(volume / self.volume, *stretches, turned, len(defined) - len(turns))
 
 
-#: Times that bones and volume are attended to in turn at the end, at most, and the relative error of the
-#: volume that is as good as none.
-LAST_PASSES, VOLUME_TOLERANCE = 30, 1e-10
+#: Times that bones and volume are attended to in turn at the end, at most.
+LAST_PASSES = 30
 
 
 class Volume:
@@ -219,6 +218,6 @@ class Volume:
             new = keep_out(points) & ~held
             held |= new
             off = self.restore(points, held)
-            if not (new.any() or off > VOLUME_TOLERANCE):
+            if not (new.any() or off > ROUNDING):
                 break
         return held

@@ -155,7 +155,8 @@ def shared_levels(heights: Floats, tolerance: float, grain: float = 0.0) -> tupl
     return np.round(exact / grain) * grain if grain > 0.0 else exact, slice_of
 
 
-#: Slices that measure the muscle's course: by 64 the ten muscles of a hip and a knee have the same course.
+#: Slices that measure the muscle's course: by 64 the ten muscles of a hip and a knee have the same course. By
+#: the guiding sections a strap round a roller has moment arms 3.5 % off its radius, instead of below 3 %.
 N_PLANES = 16
 
 

@@ -47,7 +47,8 @@ SECANTS = 2
 #: steps that are rounding have any ratio.
 _FIRST_RATIO, SLOWEST = 0.5**0.5, 0.999
 
-#: A step of Newton's method takes no point farther than this, in segments.
+#: A step of Newton's method takes no point farther than this, in segments. Without the limit moment arms of a
+#: hip change by up to 2 mm.
 LARGEST_STEP = 2.0
 
 #: A step is shortened as long as the energy rises at its end by more than this part of the slope that it

@@ -35,7 +35,8 @@ POINTS = 33
 #: with 4, and lengths depend on the way as little; with 16 a strap jumps over two rollers.
 LARGEST_MOVE = 8.0
 
-#: The drift with which paths begin in a new pose, in drifts of the pose before, at most.
+#: The drift with which paths begin in a new pose, in drifts of the pose before, at most. Without the bound
+#: levers of a hip change by up to 0.1 mm.
 LARGEST_DRIFT = 2.0
 
 

@@ -14,13 +14,11 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.rest_shape import SLIVER
 from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Bools, Floats, Ints
 
-#: Landmarks lie on a line if their polygon's area is less than this part of the square of its circumference:
-#: 0.08 of it for a circle, 0.008 for a strip of 30 : 1.
-_LEAST_AREA = 1e-3
 #: Landmarks may be this part of the ring's mean radius off its plane.
 _LARGEST_BEND = 0.5
 
@@ -61,7 +59,8 @@ def via_ring(landmarks: Floats) -> ViaRing:
     following = np.roll(away, -1, axis=0)
     area = np.cross(away, following).sum(axis=0) / 2.0
     size = float(np.linalg.norm(area))
-    if size < _LEAST_AREA * float(np.linalg.norm(following - away, axis=1).sum()) ** 2:
+    # 0.08 of the square for a circle, 0.008 for a strip of 30 : 1.
+    if size < SLIVER * float(np.linalg.norm(following - away, axis=1).sum()) ** 2:
         problem = "the landmarks of a via ring lie on a line, or the ring crosses itself"
         raise InputError("", problem, "give the landmarks in order, once round the muscle")
     normal = area / size
