@@ -139,6 +139,9 @@ NONSENSE = {
         lambda s: hinged(s, angles=[0, 2, 4, 6, 26, 28, 30, 32]), False,
         r"the bones jump from frame 3 to frame 4, by 20 degrees: the step is 9\.\d times as large",
     ),
+    "two bones in one position": (
+        lambda s: replace(s, bones={**s.bones, "thigh": s.bones["femur"]}), False, "lies in the bone 'thigh'",
+    ),
     "two muscles in one position": (twofold, False, r"100% of the muscle lies in the muscle 'again'"),
     "guess of a joint that is not sure": (
         lambda s: replace(s, guessed={"joints.hip.centre": 0.3, "units": 0.9}), False,
@@ -179,10 +182,7 @@ NONSENSE = {
         lambda s: landmarks(s, lambda x: x[[0, 4, 2, 3, 1, *range(5, len(x))]]), False,
         "not in the order of the boundary",
     ),
-    "all landmarks equal": (
-        lambda s: landmarks(s, lambda x: np.tile(x[0], (9, 1))), True,
-        "landmarks coincide",
-    ),
+    "all landmarks equal": (lambda s: landmarks(s, lambda x: x[:1].repeat(9, 0)), True, "landmarks coincide"),
     "metres given as millimetres": (lambda s: scaled(s, 1e-3), False, 'files are in m, write units = "m"'),
     "millimetres given as metres": (
         lambda s: replace(s, units="m"), True,

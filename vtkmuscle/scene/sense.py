@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from vtkmuscle.core.attachments.patches import ring_length, short_ring
+from vtkmuscle.core.bones.bone import Bone, bone_of
 from vtkmuscle.core.mesh.sampling import samples_inside
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import diagonal, mean_thickness, signed_volume
@@ -64,7 +65,8 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
         yield from _on_bones(scene.millimetres, name, muscle, anatomy)
         yield from _in_bones(scene.millimetres, name, anatomy)
     if scene.muscle_contact != "off":
-        yield from _twice(anatomy)
+        yield from _twice("muscle", {name: bone_of(*surface) for name, surface in anatomy.muscles.items()})
+    yield from _twice("bone", anatomy.solid_bones)
     yield from _guessed(scene)
     yield from _coordinates(scene)
     yield from _steps(scene, anatomy)
@@ -133,18 +135,15 @@ def _guessed(scene: SceneData) -> Iterator[Finding]:
             yield _finding("guess", f"guessed.{key}", confidence=confidence)
 
 
-def _twice(anatomy: Anatomy) -> Iterator[Finding]:
-    """Yield muscles that lie in one another."""
-    boxes = {name: (m.points.min(axis=0), m.points.max(axis=0)) for name, m in anatomy.muscles.items()}
-    limits = CHECKS["twice"]
-    for (name, own), (other, theirs) in permutations(boxes.items(), 2):
-        if (np.minimum(own[1], theirs[1]) <= np.maximum(own[0], theirs[0])).any():
+def _twice(kind: str, bodies: Mapping[str, Bone]) -> Iterator[Finding]:
+    """Yield muscles or bones that lie in one another."""
+    for (name, body), (other, around) in permutations(bodies.items(), 2):
+        if (np.maximum(body.box[0], around.box[0]) >= np.minimum(body.box[1], around.box[1])).any():
             continue
-        points = anatomy.muscles[name].points
-        samples = samples_inside(solids_of(*anatomy.muscles[name]).inside, points, limits["samples"])
-        share = float(solids_of(*anatomy.muscles[other]).inside(samples).mean())
-        if share > limits["share"]:
-            yield _finding("twice", f"muscles.{name}.surface", share=share, other=other)
+        samples = samples_inside(body.solids.inside, body.points, CHECKS["twice"]["samples"])
+        share = np.count_nonzero(around.solids.inside(samples)) / max(len(samples), 1)
+        if share > CHECKS["twice"]["share"]:
+            yield _finding("twice", f"{kind}s.{name}.surface", share=share, other=other, kind=kind)
 
 
 def _scale(muscle: RestSurface, millimetres: float) -> float:
