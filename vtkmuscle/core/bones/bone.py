@@ -9,19 +9,12 @@ from mmap import ACCESS_COPY, mmap
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vtkmuscle.core.bones.lookup import (
-    FIELD_ERROR,
-    Field,
-    distance_and_normal,
-    distance_at,
-    least_distance_at,
-)
+from vtkmuscle.core.bones.lookup import Field, distance_and_normal, least_distance_at
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.sampling import uneven_weights
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import FAR, LEAST_PIECE, Solids, closed_shells, solids_from, solids_of
-from vtkmuscle.core.mesh.surface import points_in_box
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -36,9 +29,6 @@ REACH = 0.25
 
 #: Step of the nodes that bound the distances of far points: few of these nodes bound them all.
 APART = 16
-
-#: Fewer points are measured without a field.
-_LEAST_LOOKED_UP = 64
 
 #: Most nodes of a field: half a GB of addresses, of which memory is taken where nodes are known.
 _MOST_NODES = 2.0**26
@@ -140,19 +130,7 @@ class Bone:
 
     def depth(self, points: Floats) -> Floats:
         """Return the depth (n,) of points (n, 3) at rest in the exact surface [mm], 0 outside."""
-        depth = np.zeros(len(points))
-        near = points_in_box(points, *self.box)
-        if len(near) > _LEAST_LOOKED_UP:
-            outside = np.zeros(len(near), dtype=np.bool_)
-            field = self.look_up()
-            while True:
-                _find_outside(field, self.axes, points[near], outside, np.empty(3))
-                if not self.fill(field):
-                    break
-            near = near[~outside]
-        if len(near):
-            depth[near] = self.solids.depth(points[near])
-        return depth
+        return self.solids.depth(points)
 
     def field(self, points: ArrayLike, *, within: ArrayLike = np.inf) -> tuple[Floats, Floats]:
         """Return the trilinear distances and directions of points.
@@ -303,15 +281,3 @@ def _look_up(
         for k in range(3):
             outward[i, k] = axes[0, k] * normal[0] + axes[1, k] * normal[1] + axes[2, k] * normal[2]
         lacks[i] = field.lacking[0] > before
-
-
-@kernel
-def _find_outside(field: Field, axes: Floats, points: Floats, outside: Bools, at: Floats) -> None:
-    """Write which points coarse nodes, or known nodes around, have outside; at : (3,), memory."""
-    for i in range(len(points)):
-        transform_point(axes, points, i, at)
-        before, noted = field.lacking[0], field.lacking[1]
-        outside[i] = least_distance_at(field, at[0], at[1], at[2], 0.0) > 0.0
-        if not outside[i] and field.lacking[0] == before:
-            outside[i] = distance_at(field, at[0], at[1], at[2]) > FIELD_ERROR * field.cell
-            field.lacking[0], field.lacking[1] = before, noted  # it need not be filled for that
