@@ -81,8 +81,7 @@ class Draft:
         self.joints, self.sweep, guesses = guessed_joints(self.bones, self.frame, FACING * self.scale)
         self.guesses += guesses
         if not self.sweep:
-            named = f"the bones are {', '.join(self.bones) or 'none'}"
-            why = "; ".join(guess.why for guess in guesses) or named
+            why = "; ".join(g.why for g in guesses) or f"the bones are {', '.join(self.bones) or 'none'}"
             remedy = "hips, knees, shoulders and elbows are fitted, by names such as femur_r and pelvis"
             self.lacks = f"no joint was found between the bones: {why}; {remedy}"
             return
@@ -123,7 +122,8 @@ class Draft:
         areas = areas_in_contact(self.muscles[muscle], bones, chains, within=self.within, **named)
         used = [*digitised, *(area for area in areas if area.role in missing)]
         if len({tuple(chains[area.bone][:1]) for area in used}) < 2:
-            rigid = " and ".join(sorted({area.bone for area in used}))
+            unfitted = [g.why for g in self.guesses if g.what.startswith("joints.") and not g.value]
+            rigid = "; ".join([" and ".join(sorted({area.bone for area in used})), *unfitted])
             raise InputError("", f"both ends are on the same moving body: {rigid}", GIVE)
         for role in missing:
             ends = [area for area in areas if area.role == role]
