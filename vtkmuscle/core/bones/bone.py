@@ -9,11 +9,7 @@ from mmap import ACCESS_COPY, mmap
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vtkmuscle.core.bones.lookup import (
-    Field,
-    distance_and_normal,
-    least_distance_at,
-)
+from vtkmuscle.core.bones.lookup import Field, distance_and_normal, least_distance_at
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.sampling import UNEVEN, uneven_weights

@@ -5,7 +5,6 @@ A lever is the change of a path's length as a coordinate moves the bones, with a
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -94,22 +93,9 @@ def path_levers(
 
 def pull_of(paths: Floats) -> Floats:
     """Return the pull of a unit tension in paths on their points, (f, n, 3)."""
-    pulls = np.zeros(paths.shape)
-    _add_pulls(np.ascontiguousarray(paths), pulls)
-    return pulls
-
-
-@kernel
-def _add_pulls(paths: Floats, pulls: Floats) -> None:
-    for a in range(len(paths)):
-        for i in range(paths.shape[1] - 1):
-            p, q = paths[a, i], paths[a, i + 1]
-            x, y, z = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-            size = math.sqrt(x * x + y * y + z * z)
-            part = 1.0 / size if size > 0.0 else 0.0
-            for c, step in enumerate((x, y, z)):
-                pulls[a, i, c] += part * step
-                pulls[a, i + 1, c] -= part * step
+    segments = np.diff(paths, axis=1)
+    sizes = np.linalg.norm(segments, axis=2, keepdims=True)
+    return np.diff(segments / np.maximum(sizes, np.finfo(float).tiny), axis=1, prepend=0.0, append=0.0)
 
 
 @kernel

@@ -113,8 +113,8 @@ class SheetPose:
         self._near = sheet.contacts.proximity(self._moved)
         held, self._pull = np.zeros((f, n, 3, 3)), np.zeros(shape)
         for k, number in enumerate(around.bones):
-            stiffness, pull = np.empty_like(held), np.zeros(shape)
-            turn_blocks(around.stiffness[k], self._moved[number], stiffness)
+            turn, pull = self._moved[number, :3, :3], np.zeros(shape)
+            stiffness = (around.stiffness[k].reshape(-1, 9) @ np.kron(turn, turn).T).reshape(held.shape)
             add_load(stiffness, around.force[k], sheet.fibres, self._moved[number], pull)
             held += stiffness
             self._pull += pull
@@ -331,18 +331,3 @@ def farthest_of(ways: Floats) -> float:
             u, v, w = ways[a, i, 0], ways[a, i, 1], ways[a, i, 2]
             most = max(most, u * u + v * v + w * w)
     return math.sqrt(most)
-
-
-@kernel
-def turn_blocks(blocks: Floats, motion: Floats, turned: Floats) -> None:
-    """Write matrices A (f, n, 3, 3) in the axes turned by a motion (4, 4), T A T^T."""
-    for a in range(len(blocks)):
-        for i in range(blocks.shape[1]):
-            block, result = blocks[a, i], turned[a, i]
-            for c in range(3):
-                u, v, w = motion[c, 0], motion[c, 1], motion[c, 2]
-                p = u * block[0, 0] + v * block[1, 0] + w * block[2, 0]
-                q = u * block[0, 1] + v * block[1, 1] + w * block[2, 1]
-                r = u * block[0, 2] + v * block[1, 2] + w * block[2, 2]
-                for d in range(3):
-                    result[c, d] = p * motion[d, 0] + q * motion[d, 1] + r * motion[d, 2]
