@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from itertools import combinations, permutations, product
 from typing import Any
 
@@ -17,7 +16,7 @@ from vtkmuscle.core.mesh.sampling import samples_inside
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import diagonal, mean_thickness, signed_volume
 from vtkmuscle.core.moment_arms.levers import largest_turns, twists_by
-from vtkmuscle.core.motion.coordinates import ANGLES, MILLIMETRES, Coordinate
+from vtkmuscle.core.motion.coordinates import ANGLES, MILLIMETRES
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data import toml_table
@@ -69,7 +68,7 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
         yield from _twice("muscle", {name: bone_of(*surface) for name, surface in anatomy.muscles.items()})
     yield from _twice("bone", anatomy.solid_bones)
     yield from _guessed(scene)
-    yield from _coordinates(scene, anatomy)
+    yield from _coordinates(scene)
     yield from _steps(scene, anatomy)
     yield from _gaps(scene, anatomy)
 
@@ -214,32 +213,12 @@ def _turns(scene: SceneData, name: str) -> dict[str, Floats]:
     return {bone: twists[bone][:, 3:] if bone in twists else still for bone in scene.bones}
 
 
-def _twists(name: str, q: Coordinate, scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
-    """Yield the first bone that moves from pose to pose otherwise than its twists by a coordinate."""
-    bare = {**scene.motion.coordinates, name: replace(q, twists=None)}
-    frames, moved = twists_by(replace(scene.motion, coordinates=bare), name)
-    part = CHECKS["twists"]["part"] * (
-        1.0 + CHECKS["twists"]["bend"] * largest_turns(scene.motion).max() ** 2
-    )
-    for bone in moved.keys() & anatomy.bones.keys():
-        points, still = anatomy.bones[bone].points, np.zeros((len(scene.motion.times), 6))
-        centres = scene.motion.transforms[bone][frames] @ np.append(points.mean(axis=0), 1.0)
-        off = moved[bone] - (q.twists or {}).get(bone, still)[frames]
-        apart = np.linalg.norm(off[:, :3] + np.cross(off[:, 3:], centres[:, :3]), axis=1)
-        if len(apart) and (most := np.median(apart)) > part * diagonal(points):
-            yield _finding("twists", f"motion.coordinates.{name}", bone=bone, apart=most)
-            return
-
-
-def _coordinates(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
+def _coordinates(scene: SceneData) -> Iterator[Finding]:
     """Yield coordinates that contradict the motion of the bones: in size, or in direction."""
     angles = {name: q for name, q in scene.motion.coordinates.items() if q.unit in ANGLES and q.changes}
     widest = np.degrees(max((float(np.ptp(q.natural)) for q in angles.values()), default=np.inf))
     if widest < CHECKS["radians"]["degrees"] and all(q.twists for q in angles.values()):
         yield _finding("radians", "motion", widest=widest)
-    for name, q in scene.motion.coordinates.items():
-        if q.twists is not None and q.changes:
-            yield from _twists(name, q, scene, anatomy)
     for name, q in angles.items():
         key, turns = f"motion.coordinates.{name}", _turns(scene, name)
         pairs = [np.linalg.norm(turns[a] - turns[b], axis=1) for a, b in combinations(turns, 2)]
