@@ -37,11 +37,10 @@ _LACKING = 4096
 class Bone:
     """A bone in its rest pose.
 
-    Points (n, 3) [mm] and triangles (m, 3) are not changed afterwards. The solids measure distances from
-    the triangles, in a microsecond or two for each point. :meth:`field` looks up distances, in a few
-    hundredths of the time, between the nodes of a lattice along the bone's own axes. Nodes are measured when
-    first looked up. The value at a node depends on the bone alone, to the last digit. A bone without near
-    points builds nothing, and several threads may ask a bone at once: they write the same values.
+    Points (n, 3) [mm] and triangles (m, 3) are not changed afterwards. The solids measure distances from the
+    triangles; :meth:`field` looks distances up between the nodes of a lattice along the bone's own axes, in a
+    few hundredths of the time. Nodes are measured when first looked up, and depend on the bone alone, to the
+    last digit: several threads may ask a bone at once. A bone without near points builds nothing.
 
     Neighbouring nodes are ``cell`` > 0 apart [mm], by default the bone's diagonal /
     :data:`CELLS_PER_DIAGONAL`.

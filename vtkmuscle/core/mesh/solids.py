@@ -168,10 +168,9 @@ def _consistent(triangles: Ints) -> tuple[Ints, int]:
 class Solids:
     """The exact surface of a body, with its inside.
 
-    Each connected part has its own inside, whether its triangles face outward or inward: parts may overlap,
-    as the bones of a pelvis do, and a hollow in a bone counts as filled. The least distance over all parts
-    counts. A part without volume has an unsigned distance. The side is given by the winding number, so a
-    part may cross itself, as noisy and decimated surfaces do.
+    Each connected part has its own inside: parts may overlap, as the bones of a pelvis do, and a hollow in a
+    bone counts as filled. The least distance over all parts counts; that of a part without volume is
+    unsigned. The winding number tells the side: a part may cross itself, as noisy surfaces do.
     """
 
     #: Solid parts, closed and facing outward. Boxes of parts in a tree are disjoint: a point inside a part

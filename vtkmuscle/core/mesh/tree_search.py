@@ -152,10 +152,7 @@ def _squares(corners: Floats, x: float, y: float, z: float, apart: Floats) -> No
 
 @lane
 def _square(corners: Floats, x: float, y: float, z: float, k: int) -> float:
-    """Return the squared distance from the k-th triangle: from its plane above the triangle, else its edges.
-
-    A needle counts as its edges.
-    """
+    """Return the squared distance from the k-th triangle: its plane's above it, else its edges'."""
     a, b, c = corners[k], corners[LANES + k], corners[2 * LANES + k]
     px, py, pz = x - a, y - b, z - c
     ux, uy, uz = corners[3 * LANES + k] - a, corners[4 * LANES + k] - b, corners[5 * LANES + k] - c
@@ -199,9 +196,8 @@ def is_inside(
 ) -> bool:
     """Return whether the winding number of a query (3,) is not 0.
 
-    The winding number is the sum of triangles above a point along an axis, with opposite signs for both
-    sides. Seen along the ray, each point of an edge belongs to exactly one of both triangles, so no ray slips
-    through.
+    The winding number is the sum of triangles above a point along an axis, signed by their sides. Seen along
+    the ray, each point of an edge belongs to exactly one of both triangles, so no ray slips through.
 
     corners, boxes, leaves : of a :class:`~vtkmuscle.core.mesh.triangle_tree.TriangleTree`;
     slack : of boxes, for rounding;

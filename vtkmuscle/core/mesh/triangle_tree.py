@@ -118,9 +118,8 @@ def tree_of_deformed(rest: TriangleTree | None, points: Floats, triangles: Ints)
     """Return the tree of a deformed surface. It is common to its users.
 
     Transport and measures of fibres ask for nearest points on the same bent muscle. Triangles are in the
-    order of a tree of the surface's rest shape, if any, which takes a quarter of the time of a new tree:
-    neighbouring triangles stay neighbours, so boxes stay small. Results equal those of a new tree, except
-    among equally near triangles.
+    order of a tree of the surface's rest shape, if any: neighbours stay neighbours, so boxes stay small.
+    Results equal those of a new tree, except among equally near triangles.
     """
     key = digest(points, triangles)
     tree = _deformed.get(key)

@@ -6,7 +6,6 @@ import numpy as np
 from scipy.spatial.distance import cdist
 from scipy.special import xlogy
 
-from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.types import ROUNDING, Floats, Ints
 
 #: More paths than any muscle has fibres: all are solved.
@@ -99,19 +98,9 @@ def thin_plate_weights(sites: Floats, points: Floats) -> Floats:
 
 def with_bones(points: Floats, start_bones: Ints, end_bones: Ints, moves: Floats) -> Floats:
     """Return paths moved with bones. Moves (b, 4, 4) are blended from end to end of paths (f, n, 3)."""
-    moved = np.empty(points.shape)
-    _blend(np.ascontiguousarray(points), start_bones, end_bones, moves, moved)
-    return moved
-
-
-@kernel
-def _blend(points: Floats, starts: Ints, ends: Ints, moves: Floats, moved: Floats) -> None:
-    f, n, _ = points.shape
-    for a in range(f):
-        first, last = moves[starts[a]], moves[ends[a]]
-        for i in range(n):
-            x, y, z, part = points[a, i, 0], points[a, i, 1], points[a, i, 2], i / (n - 1)
-            for c in range(3):
-                at_start = first[c, 0] * x + first[c, 1] * y + first[c, 2] * z + first[c, 3]
-                at_end = last[c, 0] * x + last[c, 1] * y + last[c, 2] * z + last[c, 3]
-                moved[a, i, c] = at_start + part * (at_end - at_start)
+    part = np.linspace(0.0, 1.0, points.shape[1])[None, :, None]
+    first, last = (
+        points @ turn[:, :3, :3].transpose(0, 2, 1) + turn[:, None, :3, 3]
+        for turn in (moves[start_bones], moves[end_bones])
+    )
+    return np.ascontiguousarray(first + part * (last - first))
