@@ -81,7 +81,7 @@ def test_proximity_fixes_the_points_within_the_tolerance_of_the_nearest_bone(tol
 def test_collision_fixes_the_points_in_the_voxels_of_a_bone():
     fixed_to, points = detect("collision", n_voxels=100_000), points_of(MUSCLE)
     bone = solids_of(*checked_surface(BONES.GetBlock(1), "test"))
-    inside = bone.solids.depth(points) > 0
+    inside = bone.depth(points) > 0
     assert inside.sum() > 50
     assert (fixed_to[inside] == 1).all()
     assert (inside | (np.abs(bone.distances(points)) <= 1.05 * (20.0 / 46 * 3**0.5)))[fixed_to == 1].all()
