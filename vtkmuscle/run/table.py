@@ -26,7 +26,7 @@ from vtkmuscle.io.writing import plain_cell
 COLUMNS = toml_table("vtkmuscle.run", "measures.toml")["tables"]
 
 
-class Table(Mapping[str, NDArray[Any]]):
+class Table(Remedies, Mapping[str, NDArray[Any]]):
     """A table with columns by name.
 
     ``table["length_mm"]`` is a column, ``table.to_frame()`` the whole table for pandas.
@@ -79,7 +79,7 @@ class Table(Mapping[str, NDArray[Any]]):
 
     def __getitem__(self, column: str) -> NDArray[Any]:
         if column not in self._names:
-            raise KeyError(column)
+            raise KeyError(f"the table has no column {column!r}; {suggestion(str(column), self)}")
         i = self._names.index(column)
         return np.concatenate([part[i].ravel() for part in self._parts])
 
