@@ -138,6 +138,13 @@ class Table(Remedies, Mapping[str, NDArray[Any]]):
         return sum(part[0].size for part in self._parts if part)
 
 
+class _ByCoordinate(dict[str, JointArms]):
+    """Moment arms of a muscle by coordinate."""
+
+    def __missing__(self, name: str) -> JointArms:
+        raise KeyError(f"there are no moment arms by {name!r}; {suggestion(name, self)}")
+
+
 class MomentArmTable(Remedies, dict[str, dict[str, JointArms]]):
     """Moment arms of muscles by coordinates, as in ``table["iliacus"]["hip_flexion_r"].mean``.
 
@@ -150,7 +157,7 @@ class MomentArmTable(Remedies, dict[str, dict[str, JointArms]]):
     def __init__(
         self, arms: Mapping[str, Mapping[str, JointArms]], refused: Mapping[str, str] | None = None
     ) -> None:
-        super().__init__({muscle: dict(joints) for muscle, joints in arms.items()})
+        super().__init__({muscle: _ByCoordinate(joints) for muscle, joints in arms.items()})
         self.refused = dict(refused or {})
 
     def __missing__(self, muscle: str) -> dict[str, JointArms]:
