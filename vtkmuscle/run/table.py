@@ -26,7 +26,7 @@ from vtkmuscle.io.writing import plain_cell
 COLUMNS = toml_table("vtkmuscle.run", "measures.toml")["tables"]
 
 
-class Table(Mapping[str, NDArray[Any]]):
+class Table(Remedies, Mapping[str, NDArray[Any]]):
     """A table with columns by name.
 
     ``table["length_mm"]`` is a column, ``table.to_frame()`` the whole table for pandas.
@@ -79,7 +79,7 @@ class Table(Mapping[str, NDArray[Any]]):
 
     def __getitem__(self, column: str) -> NDArray[Any]:
         if column not in self._names:
-            raise KeyError(column)
+            raise KeyError(f"the table has no column {column!r}; {suggestion(str(column), self)}")
         i = self._names.index(column)
         return np.concatenate([part[i].ravel() for part in self._parts])
 
@@ -138,6 +138,13 @@ class Table(Mapping[str, NDArray[Any]]):
         return sum(part[0].size for part in self._parts if part)
 
 
+class _ByCoordinate(dict[str, JointArms]):
+    """Moment arms of a muscle by coordinate."""
+
+    def __missing__(self, name: str) -> JointArms:
+        raise KeyError(f"there are no moment arms by {name!r}; {suggestion(name, self)}")
+
+
 class MomentArmTable(Remedies, dict[str, dict[str, JointArms]]):
     """Moment arms of muscles by coordinates, as in ``table["iliacus"]["hip_flexion_r"].mean``.
 
@@ -150,7 +157,7 @@ class MomentArmTable(Remedies, dict[str, dict[str, JointArms]]):
     def __init__(
         self, arms: Mapping[str, Mapping[str, JointArms]], refused: Mapping[str, str] | None = None
     ) -> None:
-        super().__init__({muscle: dict(joints) for muscle, joints in arms.items()})
+        super().__init__({muscle: _ByCoordinate(joints) for muscle, joints in arms.items()})
         self.refused = dict(refused or {})
 
     def __missing__(self, muscle: str) -> dict[str, JointArms]:
