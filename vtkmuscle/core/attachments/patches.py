@@ -78,9 +78,9 @@ def attachment_patch(
     Landmarks are projected to the nearest points of the muscle, on the side that faces the bone if within
     reach, and geodesics along edges join neighbours. A ring cuts the surface: the patch is the cut-off parts
     except the largest, with the ring's points, so a ring that crosses itself keeps all its loops, in either
-    direction. If the largest part is nearer to the bone, it is the patch. An open curve, a ring on
-    a line, and a ring that cuts nothing off give the points within a tolerance of the projected curve, on its
-    side of the muscle.
+    direction. If the largest part is nearer to the bone, the largest part is the patch instead. An open
+    curve, a ring on a line, and a ring that cuts nothing off give the points within a tolerance of the
+    projected curve, on its side of the muscle.
 
     points, triangles : (n, 3), (m, 3), the muscle [mm];
     landmarks : (k, 3), k >= 1, in boundary order [mm], on or off the muscle;
