@@ -89,11 +89,7 @@ class EmbeddedPoints:
         return moved
 
     def keep_within(self, positions: Floats, vertices: Floats) -> None:
-        """Move positions back to their rest distance outside. Positions (p, 3), in place; vertices (n, 3).
-
-        Parity tells inside from outside: in a muscle that touches itself the nearest triangle may belong to
-        the opposite side.
-        """
+        """Move positions back to their rest distance outside. Positions (p, 3), in place; vertices (n, 3)."""
         self._bent = tree_of_deformed(self._tree, vertices, self.triangles)
         outside = np.flatnonzero(~self._bent.inside(positions))
         _, nearest, distances = self._bent.nearest(positions[outside])

@@ -352,18 +352,15 @@ def multiply(blocks: Floats, pairs: Indices, springs: Floats, x: Floats, y: Floa
         for k in range(WIDTH):
             i, j = starts[k], ends[k]
             if i != first:  # pairs are in the order of their first points, whose sums wait in registers
-                b[first, 0] += f0
-                b[first, 1] += f1
-                b[first, 2] += f2
+                for c, force in enumerate((f0, f1, f2)):
+                    b[first, c] += force
                 first, p, q, s, f0, f1, f2 = i, a[i, 0], a[i, 1], a[i, 2], 0.0, 0.0, 0.0
             u, v, w = p - a[j, 0], q - a[j, 1], s - a[j, 2]
             g0 = h[0, k] * u + h[1, k] * v + h[2, k] * w
             g1 = h[1, k] * u + h[3, k] * v + h[4, k] * w
             g2 = h[2, k] * u + h[4, k] * v + h[5, k] * w
             f0, f1, f2 = f0 + g0, f1 + g1, f2 + g2
-            b[j, 0] -= g0
-            b[j, 1] -= g1
-            b[j, 2] -= g2
-    b[first, 0] += f0
-    b[first, 1] += f1
-    b[first, 2] += f2
+            for c, force in enumerate((g0, g1, g2)):
+                b[j, c] -= force
+    for c, force in enumerate((f0, f1, f2)):
+        b[first, c] += force
