@@ -104,6 +104,7 @@ def test_each_guess_says_how_sure_it_is(files, tmp_path):
     assert {key.split(".")[-1] for key in scene.guessed} == {"units", "centre", "axes"}
 
 
+@pytest.mark.filterwarnings("ignore:.*of the bone lies in the bone")  # one surface, twice
 def test_a_guess_that_is_not_sure_is_looked_at_until_it_is_confirmed(files, tmp_path):
     path = tmp_path / "scene.toml"
     init(*files, "--out", tmp_path)
@@ -118,8 +119,7 @@ def test_a_guess_that_is_not_sure_is_looked_at_until_it_is_confirmed(files, tmp_
             result = replace(scene, deformer="none").run(frames="0:1", figures=False)
         says = " ".join(result["iliacus_right"].reasons)
         assert result.verdicts == {"iliacus_right": "look"}
-        assert "low confidence" in says
-        assert "joints.knee" not in says, "a guess about a joint that the muscle does not cross"
+        assert ("low confidence" in says, "joints.knee" in says) == (True, False)  # the knee is not crossed
 
 
 @pytest.mark.parametrize(
