@@ -26,7 +26,7 @@ OF_FIBRES = ("of a decomposition", "of a transport")
 def given(counts: Counter[str], suffix: str) -> Iterator[None]:
     """Count what kernels of fibres are given."""
     watched: tuple[tuple[str, Any, str, Callable[..., int]], ...] = (
-        ("nearest places", TriangleTree, "_nearest", lambda _, queries: len(queries)),
+        ("nearest places", TriangleTree, "nearest", lambda _, queries: len(queries)),
         ("positions", spreading, "_pulls", lambda _, __, within, *___: len(within.samples)),
         ("sections mapped", slices, "section_map", lambda *_, **__: 1),
         ("triangles seen", mean_value, "weights_of_lanes", lambda mesh, q, *_: len(q) * len(mesh.triangles)),

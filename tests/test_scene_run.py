@@ -167,6 +167,7 @@ def test_penetration_is_measured_in_the_bone_where_it_is_now(scene):
 
     class HalfSpace:
         box = np.full(3, -np.inf), np.array([np.inf, np.inf, 0.0])
+        solids = property(lambda self: self)
 
         def depth(self, points):
             return np.maximum(-points[:, 2], 0.0)

@@ -329,6 +329,7 @@ class HalfSpace:
 
     def __init__(self, x):
         self.x, self.box = x, (np.array([x, -np.inf, -np.inf]), np.full(3, np.inf))
+        self.solids = self
 
     def depth(self, points):
         return np.maximum(points[:, 0] - self.x, 0.0)
