@@ -48,6 +48,13 @@ def in_radians(motion, bone, table):
     return RigidMotion(motion.times, {bone: table}, motion.centre_of(bone), {"angle": column})
 
 
+def about_another_axis(motion, bone, table):
+    """The bone turns about an axis 40 degrees off the axis of the coordinate's twists."""
+    turn = np.eye(4)
+    turn[:3, :3] = Rotation.from_euler("xyz", [40.0, 40.0, 40.0], degrees=True).as_matrix()
+    return replace(motion, transforms={bone: turn @ table @ turn.T})
+
+
 def with_a_gap(motion, bone, table):
     motion = replace(motion, coordinates={}).part([0, 1, 2, 3, 9, 10])
     return replace(motion, transforms={bone: np.delete(table, slice(4, 9), axis=0)})
@@ -71,6 +78,7 @@ SCENES = {
     "good": (spindle, "ok", set()),
     "centre off": (lambda: with_motion(off_centre), "look", {"plausible", "short fibres"}),
     "radians": (lambda: with_motion(in_radians), "look", {"plausible", "arm and length"}),
+    "other axis": (lambda: with_motion(about_another_axis), "look", {"arm and slope"}),
     "missing frames": (lambda: with_motion(with_a_gap), "look", {"plausible"}),
     "wrong sign": (
         lambda: replace(

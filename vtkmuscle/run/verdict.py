@@ -275,7 +275,7 @@ def _fascicles(muscle: Judged) -> Iterator[Reason]:
 
 
 def _arms(muscle: Judged, arms: JointArms) -> Iterator[Reason]:
-    """Yield moment arms longer than the muscle, or outside of what is published, at the worst value."""
+    """Yield moment arms that do not fit the muscle, its lengths or what is published, at the worst value."""
     mean, frames = arms.mean, arms.frames.tolist()
     if arms.unit not in ANGLES or not np.isfinite(mean).any():
         return
@@ -285,6 +285,15 @@ def _arms(muscle: Judged, arms: JointArms) -> Iterator[Reason]:
         says = f"the moment arm by {arms.coordinate} is {mean[worst]:.3g} mm, longer than the muscle"
         do = "check the coordinate's unit, the joint's centre and the attachments"
         yield _look(muscle, "arm and length", (longer[worst], 1.0, ""), says, do, frames[worst])
+    # Differences over steps h of a pulley's cosine are off by h^2 / 6.
+    off, step = arms.errors["numerical"], np.radians(np.abs(np.diff(arms.angles)).max(initial=0.0))
+    allowed = np.sqrt(arms.errors["total"] ** 2 - off**2) + step**2 / 6.0 * np.nanmax(np.abs(mean))
+    if np.count_nonzero(off > allowed) > 0.5 * len(off):
+        worst = int(np.nanargmax(off - allowed))
+        says = f"the mean moment arm by {arms.coordinate} is {mean[worst]:.3g} mm, but "
+        says += f"{arms.mean_slope[worst]:.3g} mm by the change of the lengths"
+        do = "check that the coordinate and the motion of the bones are of the same joint"
+        yield _look(muscle, "arm and slope", (off[worst], allowed[worst], "mm"), says, do, frames[worst])
     coordinate, sign = published_coordinate(arms.coordinate, arms.positive)
     arm = published(muscle.anatomical, "moment_arm", coordinate) if coordinate else None
     length = published(muscle.anatomical, "path_length")

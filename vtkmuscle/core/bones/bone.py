@@ -164,13 +164,10 @@ class Bone:
         if field.lacking[0] == 0:
             return False
         numbers = np.empty(27 * int(field.lacking[1]), dtype=np.int64)
-        numbers = numbers[: _unknown(field, numbers)]
-        numbers.sort()
-        positions = np.empty((len(numbers), 3))
-        count = _place(field, self.from_axes, numbers, positions)
-        distances = self.solids.distances(positions[:count])
-        distances[distances == 0.0] = np.finfo(np.float64).tiny  # 0 is unknown
-        field.nodes.reshape(-1)[numbers[:count]] = distances
+        nodes = np.unravel_index(np.unique(numbers[: _unknown(field, numbers)]), field.nodes.shape)
+        positions = field.cell * (np.transpose(nodes) + field.low)
+        distances = self.solids.distances(apply_transform(self.from_axes, positions))
+        field.nodes[nodes] = np.where(distances == 0.0, np.finfo(np.float64).tiny, distances)  # 0 is unknown
         return True
 
     def _nothing(self, reach: float) -> tuple[float, Field]:
@@ -246,23 +243,6 @@ def _unknown(field: Field, numbers: Ints) -> int:
                     if nodes[number] == 0.0:
                         numbers[count], count = number, count + 1
     notes[0] = notes[1] = 0
-    return count
-
-
-@kernel
-def _place(field: Field, from_axes: Floats, numbers: Ints, positions: Floats) -> int:
-    """Write ascending numbers of nodes once each, and their positions at rest; return their count."""
-    count = 0
-    _, height, depth = field.nodes.shape
-    for number in numbers:
-        if count and numbers[count - 1] == number:
-            continue
-        line, at = number // depth, positions[count]
-        at[0] = field.cell * (line // height + field.low[0])
-        at[1] = field.cell * (line % height + field.low[1])
-        at[2] = field.cell * (number % depth + field.low[2])
-        transform_point(from_axes, positions, count, at)
-        numbers[count], count = number, count + 1
     return count
 
 
