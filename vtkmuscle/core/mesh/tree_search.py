@@ -91,8 +91,8 @@ def lower_distances(
 ) -> None:  # fmt: skip
     """Lower distances (q,) to the signed distances from a tree's surface, where these are less.
 
-    Arrays are as of :func:`search_tree`, ``along`` and ``slack`` as of
-    :func:`is_inside`. ``unsigned`` distances are of a surface without an inside.
+    Arrays are as of :func:`search_tree`, ``along`` and ``slack`` as of :func:`is_inside`. ``unsigned``
+    distances are of a surface without an inside.
     """
     leaf, last, distance, inside = 0, 0, -1.0, False
     for q in range(len(queries)):

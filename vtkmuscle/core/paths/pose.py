@@ -89,8 +89,8 @@ class SheetPose:
 
     sheet : Sheet, at rest;
     transforms : (b, 4, 4), of the bones, rest to now;
-    points : (f, n, 3), points near the sheet's equilibrium [mm]: positions are about the points' middle, for
-        far from the origin the springs would take the digits;
+    points : (f, n, 3), points near the sheet's equilibrium [mm]: positions are about the middle of two ends,
+        for far from the origin the springs would take the digits;
     ring_points : (r, f) int, optional, point of each path held by each ring, 0 for no point; default: no
         point. :meth:`hold` changes it.
 
