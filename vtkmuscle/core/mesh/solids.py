@@ -200,7 +200,7 @@ class Solids:
     def exact(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Return exact distances (n,) and directions away (n, 3). Distances are negative inside.
 
-        A direction is the unit gradient of the distance, on the surface the angle-weighted normal: a point
+        A direction is the unit gradient of the distance, on the surface its smooth normal: a point
         less its distance along the direction is the nearest surface point.
         """
         positions = _checked(points)
