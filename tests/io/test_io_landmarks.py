@@ -55,6 +55,11 @@ def test_what_cannot_be_read_is_named(name, text, message, tmp_path):
         read_landmarks(tmp_path / name)
 
 
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"a\.csv: there is no such file"):
+        read_landmarks(tmp_path / "a.csv")
+
+
 @pytest.mark.parametrize("frame", ["LPS", "RAS"])
 def test_areas_are_written_as_curves_that_slicer_recognises(frame, tmp_path):
     ends = ("origin", "pelvis", SQUARE, True), ("insertion", "femur", SQUARE, False)
