@@ -30,6 +30,12 @@ def cube():
     return box((-10.0, -10.0, -10.0), (10.0, 10.0, 10.0))
 
 
+def bar_through_itself():
+    points, triangles = meshed_box((0.0, -2.0, -2.0), (72.0, 2.0, 2.0), 2.0)
+    angle, radius = points[:, 0] / 10.0, 10.0 - points[:, 1]
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), points[:, 2]]), triangles
+
+
 SHAPES = {"ball": ball(), "cube": cube(), "needle": needle(), "torus": ring()}
 
 
@@ -60,9 +66,9 @@ def test_distances_agree_with_libigl(shape, inside_out):
     np.testing.assert_allclose(solids.distances(positions - distance[:, None] * outward), 0.0, atol=1e-8)
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", [*SHAPES, "bar"])
 def test_points_are_inside_where_their_winding_number_says_so(shape):
-    points, triangles = SHAPES[shape]
+    points, triangles = SHAPES.get(shape) or bar_through_itself()
     positions = near_points(points, triangles)
     solids = solids_of(points, triangles)
     depth, distance = solids.depth(positions), np.abs(solids.distances(positions))
