@@ -32,7 +32,7 @@ from vtkmuscle.core.types import Bools, Floats, Progress, quiet
 
 #: Two bones of a muscle turn against each other by at most this in a step without velocities [degrees];
 #: larger steps are parted. An iliacus of 3 000 triangles, solved with an iteration in steps of 45 degrees,
-#: has 14 folded edges with 4, 8 with 3. With 2 it has 4, but with 100 iterations an edge grows to 97 times
+#: has 14 folded edges with 4, 6 with 3. With 2 it has 4, but with 100 iterations an edge grows to 97 times
 #: its length; with 3 none of 576 cases of four muscles is beyond its bounds (bench_pbd.py stability).
 LARGEST_TURN = 3.0
 #: Moves positions out of obstacles, and returns the moved points.
