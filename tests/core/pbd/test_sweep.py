@@ -11,7 +11,7 @@ from spindle import spindle
 from vtkmuscle.core.jit import LANES
 from vtkmuscle.core.mesh.rest_shape import dihedral_angles
 from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology
-from vtkmuscle.core.pbd.sweep import edge_rows, project_edges, rows_of_edges, turn_from
+from vtkmuscle.core.pbd.sweep import chord_from, edge_rows, project_edges, rows_of_edges, turn_from
 
 POINTS, TRIANGLES, FIXED_TO = spindle(seed=4)
 TOPOLOGY = mesh_topology(len(POINTS), TRIANGLES)
@@ -33,6 +33,7 @@ def test_a_turn_is_the_difference_of_angles(phi, phi0, size):
     turn, expected = turn_from(*given), math.remainder(phi - phi0, 2.0 * math.pi)
     assert abs(math.remainder(turn - expected, 2.0 * math.pi)) < 2e-14
     assert abs(turn) <= math.pi + 1e-15
+    assert abs(chord_from(*given) - 2.0 * math.sin(0.5 * turn)) < 2e-14
 
 
 def projected(p, mass, rows, *, lengths=True, angles=True, signed=True):
@@ -55,7 +56,7 @@ def numerical_gradient(value, p, step=1e-6):
 
 @pytest.mark.parametrize("signed", [True, False])
 def test_an_edge_is_projected_as_eq_1_says(rng, signed):
-    """One edge at a time: gradients by finite differences, all four points in the sum."""
+    """One edge at a time: gradients by finite differences; a signed angle's step has the turn's chord."""
     lengths, angles = edge_lengths(POINTS, QUADS[:, :2]), dihedral_angles(POINTS, QUADS)[0]
     p = POINTS + rng.normal(scale=0.3, size=POINTS.shape)
     for edge in rng.choice(len(QUADS), 12, replace=False):
@@ -75,7 +76,9 @@ def test_an_edge_is_projected_as_eq_1_says(rng, signed):
         expected = start.copy()
         for value, stiffness in ((length, 0.7), (angle, 0.9)):
             gradient = numerical_gradient(value, expected)
-            step = stiffness * value(expected) * gradient / (gradient**2).sum()
+            off = value(expected)
+            off = 2.0 * math.sin(off / 2.0) if signed and value is angle else off
+            step = stiffness * off * gradient / (gradient**2).sum()
             expected = expected - mass[:, None] * step
         found = projected(start, mass, rows, signed=signed)
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6)

@@ -1,10 +1,9 @@
 """Algorithm 2 of Kohout and Cervenka 2021, made stable.
 
-doi:10.1007/978-3-030-72379-8_24. The solver runs the algorithm as printed or made stable: settings, state in,
-state out. The start of a step makes the algorithm stable. As printed, free points go on with their velocities
-while fixed points jump with their bones: the step is left to the edges between. By default free points go
-with the bones' motions of the step, blended by harmonic weights, and have no velocities. The signed angle
-halves the change of angles in large steps, and volume and bones come last.
+doi:10.1007/978-3-030-72379-8_24. The solver runs the algorithm as printed or made stable. As printed, free
+points go on with their velocities while fixed points jump with their bones: the step is left to the edges
+between. By default free points go with the bones' motions of the step, blended by harmonic weights, and have
+no velocities; angles have a sign, and volume and bones come last.
 """
 
 from __future__ import annotations
@@ -31,9 +30,8 @@ from vtkmuscle.core.pbd.voxels import VoxelContact
 from vtkmuscle.core.types import Bools, Floats, Progress, quiet
 
 #: Two bones of a muscle turn against each other by at most this in a step without velocities [degrees];
-#: larger steps are parted. An iliacus of 3 000 triangles, solved with an iteration in steps of 45 degrees,
-#: has 14 folded edges with 4, 6 with 3. With 2 it has 4, but with 100 iterations an edge grows to 97 times
-#: its length; with 3 none of 576 cases of four muscles is beyond its bounds (bench_pbd.py stability).
+#: larger steps are parted. The most folded edges of 576 cases, an iliacus of 3 000 triangles solved with one
+#: iteration, are 17 with 4 degrees, 12 with 3, 11 with 2 (bench_pbd.py stability; bound 12).
 LARGEST_TURN = 3.0
 #: Moves positions out of obstacles, and returns the moved points.
 KeepOut = Callable[[Floats], Bools]
@@ -54,7 +52,7 @@ class Parameters:
         Start of free points in a step: ``"bones"``, where the blended motions of the bones take the points,
         without velocities; or ``"velocity"``, where the points' velocities do (lines 11 to 13).
     signed_angles : bool
-        Whether angles tell a ridge from a groove; the arccosine of eq. 6 does not.
+        Whether angles tell a ridge from a groove, and move corners by the turn's chord (eq. 1: the turn).
     order : str
         ``"edge"``: length and angle of an edge after each other, then the volume; ``"kind"``: all lengths,
         the volume, all angles (lines 17 to 23).
@@ -169,7 +167,7 @@ class PBDSolver:
         self.shape = shape = RestShape(points, topology)
         self.centre: Floats = (points.min(axis=0) + points.max(axis=0)) / 2.0
         self.rest: Floats = points - self.centre
-        self._free = free = fixed_to < 0
+        free = fixed_to < 0
         self._mass: Floats = free.astype(np.float64)
         self._fixed = [(int(bone), np.flatnonzero(fixed_to == bone)) for bone in np.unique(fixed_to[~free])]
         self._weights = harmonic_weights(points, muscle.triangles, fixed_to)[1] if self._fixed else None
@@ -190,15 +188,13 @@ class PBDSolver:
         angles, angle_stiffness = np.zeros((2, len(edges)))
         angles[with_angle] = shape.angles if parameters.signed_angles else np.abs(shape.angles)
         angle_stiffness[with_angle] = np.where(shape.angle_defined, parameters.shape_stiffness, 0.0)
-        lengths = shape.lengths, stiffness
         #: The edges in the order in which they are solved.
-        self.rows = sweep.edge_rows(quads, self._mass, *lengths, angles, angle_stiffness)
+        self.rows = sweep.edge_rows(quads, self._mass, shape.lengths, stiffness, angles, angle_stiffness)
         # Eq. 1 divides by the gradients of all points.
         volume = topology.triangles, shape.volume, parameters.volume_stiffness, 0.0
         self._volume = self._mass, np.ones(len(points)), *volume, np.empty_like(self.rest)
         self._exact = Volume(shape, free)
         self._buffer = np.empty(12 * LANES)
-        self._as_carried: Floats | None = None  # constants of the edges, with their lengths in a pose
 
     def at_rest(self, n_bones: int) -> State:
         """Return the muscle and all bones at rest."""
@@ -242,11 +238,10 @@ class PBDSolver:
         """
         transforms = np.array(transforms, dtype=np.float64)
         p = self._with_fixed_points(start - self.centre, transforms)
-        if self._as_carried is None:
-            self._as_carried = self.rows.constants.copy()
-        sweep.take_lengths(p, self.rows.points, self._as_carried)
+        constants = self.rows.constants.copy()
+        sweep.take_lengths(p, self.rows.points, constants)
         keep_out = self._keep_out(transforms, transforms, p[:-1].copy(), near)
-        held = self._iterate(p, self._as_carried, keep_out, report)
+        held = self._iterate(p, constants, keep_out, report)
         if self.parameters.finish:
             held = self._exact.finish(p[:-1], keep_out)
         return self._state(p[:-1], transforms, held)
@@ -272,8 +267,8 @@ class PBDSolver:
         """Project all constraints of points (n + 1, 3) in place; return the points that met an obstacle."""
         settings, met = self.parameters, np.zeros(len(p) - 1, dtype=np.bool_)
         rows, signed, buffer = (self.rows.points, constants), settings.signed_angles, self._buffer
+        by_edge = settings.order == "edge"
         for iteration in range(settings.iterations):
-            by_edge = settings.order == "edge"
             sweep.project_edges(p, *rows, True, by_edge, signed, buffer)
             project_volume(p[:-1], *self._volume)
             if not by_edge:

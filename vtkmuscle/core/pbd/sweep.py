@@ -14,7 +14,9 @@ As the paper has it:
 
 The paper's angle (eq. 6) is an arccosine, pi - abs(phi) of the signed angle phi of
 :func:`~vtkmuscle.core.mesh.rest_shape.edge_geometry`. The arccosine does not tell a ridge from a groove: an
-edge folded to the wrong side stays folded. The signed angle is ours.
+edge folded to the wrong side stays folded. The signed angle is ours, and moves corners by the chord of a turn
+t, 2 sin(t / 2): moved by t along a tangent (eq. 1), corners stretch triangles that fold by nearly 180 degrees
+to three times their height.
 
 Where the paper cannot be run as printed:
 
@@ -192,10 +194,11 @@ def _project_angle(b: Floats, c: Floats, k: int, signed: bool) -> None:
         b[6 * LANES + k], b[7 * LANES + k], b[8 * LANES + k],
         b[9 * LANES + k], b[10 * LANES + k], b[11 * LANES + k],
     )  # fmt: skip
-    # The unsigned angle is that of a ridge, and turns the other way in a groove.
-    side = 1.0 if (sine > 0.0) | signed else (-1.0 if sine < 0.0 else 0.0)
-    folded = sine * side if side != 0.0 else 0.0
-    off = side * turn_from(folded, cosine, n11 * n22, c[7 * LANES + k], c[8 * LANES + k])
+    if signed:
+        off = chord_from(sine, cosine, n11 * n22, c[7 * LANES + k], c[8 * LANES + k])
+    else:  # the unsigned angle is that of a ridge, and turns the other way in a groove
+        turn = turn_from(abs(sine), cosine, n11 * n22, c[7 * LANES + k], c[8 * LANES + k])
+        off = turn if sine > 0.0 else (-turn if sine < 0.0 else 0.0)
     a1, b1 = ee - a2, ee - b2
     cross = 2.0 * cosine
     # |dphi/dp_i|^2 |e|^2 |n1|^2 |n2|^2 of the four points.
@@ -236,6 +239,17 @@ def turn_from(sine: float, cosine: float, square: float, cosine0: float, sine0: 
     turn = 2.0 * x * value
     beyond = (math.pi if across >= 0.0 else -math.pi) - turn
     return turn if along >= 0.0 else beyond
+
+
+@lane
+def chord_from(sine: float, cosine: float, square: float, cosine0: float, sine0: float) -> float:
+    """Return 2 sin(t / 2), the chord of :func:`turn_from`'s turn t."""
+    across = sine * cosine0 - cosine * sine0
+    along = cosine * cosine0 + sine * sine0
+    radius = math.sqrt(square)
+    far = radius + abs(along)
+    scale = math.sqrt(2.0 / (radius * far))
+    return scale * (across if along >= 0.0 else math.copysign(far, across))
 
 
 def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
