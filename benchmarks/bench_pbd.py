@@ -1,12 +1,13 @@
 """Measure PBDDeformer on the muscles of a hip: its kernels, its update, and whether it is stable.
 
 Run as ``python benchmarks/bench_pbd.py kernels``, ``update`` or ``stability``, this with ``--meshes two,one``
-and ``--iterations 1,10`` for less of it. The scene is that of ``VTKMUSCLE_DATA``, else ``../shared/data``,
-and there ``lhdl_hip``; coarser muscles are in its folder ``muscles_lite``. Times are of the thread, beside
-those of plain scalar kernels, ``tools/naive.py`` beside the data: what counts is their ratio. ``stability``
-prints the worst of a flexion by 90 degrees, and marks what is beyond the bounds: volume within 1e-6, longest
-edge 12 times its length, 12 folded edges, and, from 10 iterations on, 95 % of the angles within 30 degrees of
-those at rest. Its meshes are 3000 and 1000 triangles, all on two levels, and all on one.
+and ``--iterations 1,10`` for less of it, and ``--scene FILE --meshes two`` for muscles of another scene. The
+data are those of ``VTKMUSCLE_DATA``, else ``../shared/data``, and there ``lhdl_hip``; coarser muscles are in
+its folder ``muscles_lite``. Times are of the thread, beside those of plain scalar kernels, ``tools/naive.py``
+beside the data: what counts is their ratio. ``stability`` prints the worst of a motion, and marks what is
+beyond the bounds: volume within 1e-6, longest edge 12 times its length, 12 folded edges, and, from 10
+iterations on, 95 % of the angles within 30 degrees of those at rest. Its meshes are 3000 and 1000 triangles,
+all on two levels, and all on one; its steps are 1, 5 and 22 frames, of the hip 2, 10 and 44 degrees.
 """
 
 from __future__ import annotations
@@ -37,9 +38,9 @@ from vtkmuscle.pipelines import decompose
 DATA = Path(os.environ.get("VTKMUSCLE_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
 HIP = DATA / "lhdl_hip"
 
-#: What stability is measured of: meshes by their labels, steps [degrees], iterations.
+#: What stability is measured of: meshes by their labels, steps [frames], iterations.
 MESHES = {"3000": "3000", "1000": "1000", "two": None, "one": 0}
-STEPS = (2, 10, 45)
+STEPS = (1, 5, 22)
 ITERATIONS = (1, 3, 10, 100, 1000)
 
 #: Degrees of a folded edge, and of the same at rest.
@@ -48,11 +49,11 @@ FOLDED, UNFOLDED = 149.0, 126.0
 REPEATS = 60
 
 
-class Hip:
-    """The scene, and its muscles with fixed points and fibres."""
+class Muscles:
+    """Muscles of a scene, with fixed points and fibres."""
 
-    def __init__(self) -> None:
-        self.scene = Scene.load(HIP / "scene.toml")
+    def __init__(self, scene=HIP / "scene.toml") -> None:
+        self.scene = Scene.load(scene)
         self.bones = self.scene.bones_data()
 
     @cache  # noqa: B019 -- there is one
@@ -69,10 +70,10 @@ class Hip:
         areas = self.scene.attachments_data(name)
         return decompose(self.scene.muscles[name].surface, areas, n_fibres=100).output
 
-    def deformer(self, name, mesh, *, step=2, fibres=True, **settings):
-        """Return a deformer over flexion by steps [degrees], and its times."""
-        frames = np.unique(np.append(np.arange(0, 46, max(step // 2, 1)), 45))
-        motion = self.scene.motion.part(frames)
+    def deformer(self, name, mesh, *, step=1, fibres=True, **settings):
+        """Return a deformer over the motion by steps [frames], and its times."""
+        last = len(self.scene.motion.times) - 1
+        motion = self.scene.motion.part(np.unique(np.append(np.arange(0, last, step), last)))
         deformer = PBDDeformer(
             muscle=self.muscle(name, mesh),
             rest_bones=self.bones,
@@ -111,10 +112,10 @@ def naive_of(points, triangles):
     return iterate
 
 
-def kernels(hip):
+def kernels(muscles):
     """Print the time of an iteration beside that of the plain kernels, in turns."""
-    for name, mesh in itertools.product(hip.scene.muscles, (None, "1000")):
-        points, triangles = checked_surface(hip.muscle(name, mesh), name)
+    for name, mesh in itertools.product(muscles.scene.muscles, (None, "1000")):
+        points, triangles = checked_surface(muscles.muscle(name, mesh), name)
         free = np.full(len(points), -1)
         solver = PBDSolver(FixedMuscle(points, triangles, free), Parameters())
         p = np.vstack([solver.rest, np.zeros(3)])
@@ -134,16 +135,16 @@ def kernels(hip):
         )
 
 
-def updates(hip):
+def updates(muscles):
     """Print what a frame takes, pipeline and all, in iterations of the plain kernels on the full mesh."""
-    for name in hip.scene.muscles:
-        plain = naive_of(*checked_surface(hip.scene.muscles[name].surface, name))
+    for name in muscles.scene.muscles:
+        plain = naive_of(*checked_surface(muscles.scene.muscles[name].surface, name))
         for label, mesh, settings in (
             ("two levels", None, {}),
             ("3000 triangles", "3000", {}),
             ("1000 triangles", "1000", {}),
         ):
-            deformer, times = hip.deformer(name, mesh, **settings)
+            deformer, times = muscles.deformer(name, mesh, **settings)
             deformer.update(float(times[0]))
             of_naive, of_frames = [], []
             for number in times[1:]:
@@ -159,14 +160,14 @@ def updates(hip):
             )
 
 
-def worst_of(hip, name, mesh, step, iterations, *, fibres, bones):
+def worst_of(muscles, name, mesh, step, iterations, *, fibres, bones):
     """Return the worst volume, stretch, turn, folds and depth of a motion."""
     settings = {"iterations": iterations, "measure_shape": True, "measure_penetration": bones}
     settings["collision"] = "sdf" if bones else "off"
     if mesh == 0:
         settings["solved_triangles"] = 0
-    deformer, times = hip.deformer(name, mesh, step=step, fibres=fibres, **settings)
-    rest, triangles = checked_surface(hip.muscle(name, mesh), name)
+    deformer, times = muscles.deformer(name, mesh, step=step, fibres=fibres, **settings)
+    rest, triangles = checked_surface(muscles.muscle(name, mesh), name)
     quads = mesh_topology(len(rest), triangles).quads
     unfolded = np.abs(dihedral_angles(rest, quads)[0]) < np.radians(UNFOLDED)
     worst, taken = np.zeros(5), []
@@ -184,14 +185,14 @@ def worst_of(hip, name, mesh, step, iterations, *, fibres, bones):
     return worst, statistics.median(taken)
 
 
-def stability(hip, meshes, counts):
+def stability(muscles, meshes, counts):
     """Print the worst of each motion, those that take longest last."""
     both = (True, False)
-    cells = list(itertools.product(counts, meshes, STEPS, hip.scene.muscles, both, both))
+    cells = list(itertools.product(counts, meshes, STEPS, muscles.scene.muscles, both, both))
     beyond = 0
     print("muscle           mesh  step  it. fibres bones |    V-1  edge  turn folds depth     ms")
     for iterations, label, step, name, fibres, bones in cells:
-        worst, taken = worst_of(hip, name, MESHES[label], step, iterations, fibres=fibres, bones=bones)
+        worst, taken = worst_of(muscles, name, MESHES[label], step, iterations, fibres=fibres, bones=bones)
         volume, stretch, turn, folds, depth = worst
         sane = volume <= 1e-6 and stretch <= 12 and folds <= 12 and (iterations < 10 or turn <= 30)
         beyond += not sane
@@ -209,9 +210,11 @@ if __name__ == "__main__":
     parser.add_argument("what", choices=("kernels", "update", "stability"))
     parser.add_argument("--meshes", default=",".join(MESHES))
     parser.add_argument("--iterations", default=",".join(map(str, ITERATIONS)))
+    parser.add_argument("--scene", default=HIP / "scene.toml")
     given = parser.parse_args()
     with keep_shared():  # the bones are the same for all
+        muscles = Muscles(given.scene)
         if given.what == "stability":
-            stability(Hip(), given.meshes.split(","), [int(count) for count in given.iterations.split(",")])
+            stability(muscles, given.meshes.split(","), [int(count) for count in given.iterations.split(",")])
         else:
-            {"kernels": kernels, "update": updates}[given.what](Hip())
+            {"kernels": kernels, "update": updates}[given.what](muscles)

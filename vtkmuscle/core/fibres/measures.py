@@ -14,8 +14,6 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.normals import angles_between, triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.polylines import curve_segments, evenly_spaced, nearest_arcs, polyline_lengths
-from vtkmuscle.core.mesh.surface import opposite_half_edges
-from vtkmuscle.core.morphing.sections import ClosedSurface, cut_surface, loop_areas
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 
@@ -52,10 +50,18 @@ def section_areas(points: Floats, triangles: Ints, centres: Floats, normals: Flo
 
     Planes have points (s, 3) and unit normals (s, 3).
     """
-    surface, areas = ClosedSurface(points, triangles, opposite_half_edges(triangles)), []
+    areas = []
     for centre, normal in zip(centres, normals, strict=True):
-        loops = cut_surface(surface, (points - centre) @ normal, np.zeros(1))
-        areas.append(abs(float((loop_areas(loops.points, loops.loop_offsets) @ normal).sum())))
+        heights = (points - centre) @ normal
+        a, b, c = (heights < 0.0)[triangles.T]
+        met = triangles[(a != b) | (b != c)]
+        corners, low = points[met] - centre, heights[met]
+        after, high = np.roll(corners, -1, axis=1), np.roll(low, -1, axis=1)
+        # Each triangle met has an edge that rises through the plane, and an edge that falls.
+        rising, falling = (low < 0.0) & (high >= 0.0), (low >= 0.0) & (high < 0.0)
+        share = np.divide(low, low - high, out=np.zeros_like(low), where=rising | falling)[..., None]
+        across = corners + share * (after - corners)
+        areas.append(0.5 * abs(float(np.cross(across[rising], across[falling]).sum(axis=0) @ normal)))
     return np.array(areas)
 
 
