@@ -156,15 +156,15 @@ class SheetPose:
         if sheet.rings:
             add_rings(x, self._rings, self.ring_points, *rounded, gradient, blocks, self._ring_pressure)
 
-    def settle(self, segment: float, reach: float) -> bool:
+    def settle(self, segment: float, tolerance: float, reach: float) -> bool:
         """Bring the sheet to rest by Newton's method. Return whether it came to rest.
 
         The matrix leaves out the turning of tangents, so that steps get shorter by a ratio only. ``segment``
-        is the mean distance of points along a path at rest [mm]. The method gives up where a point is farther
-        than ``reach`` from its start [mm].
+        is the mean distance of points along a path at rest [mm], ``tolerance`` as :data:`TOLERANCE`. The
+        method gives up where a point is farther than ``reach`` from its start [mm].
         """
         start = x = self.x
-        enough = TOLERANCE * x.shape[0] * x.shape[1] * segment**2
+        enough = tolerance * x.shape[0] * x.shape[1] * segment**2
         longest = LARGEST_STEP * segment
         lacking, product = np.zeros_like(self._blocks), np.empty_like(x)
         before: list[tuple[Floats, Floats, Floats]] = []
