@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.paths import equilibrium
 from vtkmuscle.core.paths.bone_contact import PUSH, BoneContacts, Load, add_contacts
 from vtkmuscle.core.paths.guides import Guides
@@ -135,8 +134,6 @@ class SheetPose:
 
     def hold(self, points: Floats) -> bool:
         """Choose the points held by rings. Of (f, n, 3); return whether the choice changed."""
-        if not self._sheet.rings:  # nor are its kernels compiled
-            return False
         before = self.ring_points.copy()
         hold_in_rings(points - self._middle, self._rings, self.ring_points)
         return not np.array_equal(before, self.ring_points)
@@ -195,7 +192,7 @@ class SheetPose:
                 equilibrium.add_lacking(x - now[0], self.gradient - now[1] - part * product, lacking)
             if number >= _WHOLE_STEPS and farthest_of(x - start) > reach:
                 return False
-            if self.hold(self.points):
+            if self._sheet.rings and self.hold(self.points):
                 self.look_at(x)
                 before = []
                 continue
@@ -256,9 +253,7 @@ class SheetPose:
         :func:`~vtkmuscle.core.paths.levers.path_levers`.
         """
         x, sheet, loads = self.x, self._sheet, self._loads()
-        held = np.zeros((*x.shape, 3))
-        for _, load in loads:
-            held += load.stiffness
+        held = np.zeros((*x.shape, 3)) + sum(load.stiffness for _, load in loads)
         wider, going = -widening(x, sheet.lengths)[:, None, None] * pull_of(x), np.empty_like(self._rows)
         equilibrium.prepare_solve(*self._matrix, self._sums, self._inverses)
 
@@ -322,12 +317,6 @@ def accelerated(
     return np.asarray(now[2] - (parts @ (x + moves)).reshape(now[2].shape))
 
 
-@kernel
 def farthest_of(ways: Floats) -> float:
     """Return the length of the longest of ways (f, n, 3)."""
-    most = 0.0
-    for a in range(len(ways)):
-        for i in range(ways.shape[1]):
-            u, v, w = ways[a, i, 0], ways[a, i, 1], ways[a, i, 2]
-            most = max(most, u * u + v * v + w * w)
-    return math.sqrt(most)
+    return math.sqrt(np.einsum("fni,fni->fn", ways, ways).max())

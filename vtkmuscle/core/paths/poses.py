@@ -38,8 +38,8 @@ class KeptPoses:
         if key not in self._states:
             corners, still = self._placed(transforms), np.broadcast_to(np.eye(4), transforms.shape)
             starts = [(self.rest, self._placed(still)), *reversed(self._states.values())]
-            farthest_moves = [np.linalg.norm(corners - placed, axis=2).max() for _, placed in starts]
-            state = self._paths.follow(starts[int(np.argmin(farthest_moves))][0], transforms)
+            moves = ((corners - np.array([placed for _, placed in starts])) ** 2).sum(axis=3)
+            state = self._paths.follow(starts[int(moves.max(axis=(1, 2)).argmin())][0], transforms)
             self._states[key] = state, corners
             most = max(int(memory // max(state.nbytes, 1)), 1)
             for old in list(self._states)[:-most]:

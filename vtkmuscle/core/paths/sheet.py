@@ -252,7 +252,8 @@ class MusclePaths:
         start[:, 0] = _carried_by(transforms[self.start_bones], self.fibres[:, 0])
         start[:, -1] = _carried_by(transforms[self.end_bones], self.fibres[:, -1])
         pose = SheetPose(self._sheet, transforms, start)
-        pose.hold(carried)  # near the equilibrium rings would never let go of the points that they hold
+        if self._sheet.rings:  # near the equilibrium they would never let go of the points that they hold
+            pose.hold(carried)
         settled = pose.settle(self._segment, reach)
         self._latest = pose  # alive for the levers of this state
         now = self._sheet, pose.points, transforms, pose.ring_points, settled, pose.steps
