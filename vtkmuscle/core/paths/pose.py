@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.paths import equilibrium
 from vtkmuscle.core.paths.bone_contact import PUSH, BoneContacts, Load, add_contacts
 from vtkmuscle.core.paths.guides import Guides
@@ -164,14 +165,14 @@ class SheetPose:
         enough = TOLERANCE * x.shape[0] * x.shape[1] * segment**2
         longest = LARGEST_STEP * segment
         lacking, product = np.zeros_like(self._blocks), np.empty_like(x)
-        before: list[tuple[Floats, Floats, Floats]] = []
+        before: list[Floats] = []
         slopes: deque[float] = deque(maxlen=3)
         self.look_at(x)
         for number in range(ITERATIONS):
             if number > PLAIN_STEPS:
                 self._blocks += lacking
             plain = slope = self.step()
-            now = x, self.gradient.copy(), self.move.copy()
+            now = np.array([x, self.gradient, self.move])
             if len(before) == SECANTS:
                 move = accelerated(now, before)
                 if (improved := float(np.vdot(self.gradient, move))) < 0.0:
@@ -298,9 +299,7 @@ def _rate(slopes: Sequence[float]) -> tuple[float, float]:
     return min(max(ratios[-2:]), SLOWEST), -slopes[-1]
 
 
-def accelerated(
-    now: tuple[Floats, Floats, Floats], before: Sequence[tuple[Floats, Floats, Floats]]
-) -> Floats:
+def accelerated(now: Floats, before: Sequence[Floats]) -> Floats:
     """Return a step improved by earlier points.
 
     The step is (f, n, 3). Each point has positions, a gradient and Newton's step. On the plane through the
@@ -308,15 +307,19 @@ def accelerated(
     gradient, in the norm of the inverse matrix (Anderson 1965, doi:10.1145/321296.321305; Walker, Ni 2011,
     doi:10.1137/10078356X).
     """
-    x, gradient, moves = (
-        (new - np.array([old[k] for old in before])).reshape(len(before), -1) for k, new in enumerate(now)
-    )
+    x, gradient, moves = (now - np.array(before)).reshape(len(before), 3, -1).swapaxes(0, 1)
     products = gradient @ moves.T
     right = gradient @ now[2].reshape(-1) + moves @ now[1].reshape(-1)
     parts = np.linalg.lstsq(products + products.T, right)[0]
     return np.asarray(now[2] - (parts @ (x + moves)).reshape(now[2].shape))
 
 
+@kernel
 def farthest_of(ways: Floats) -> float:
     """Return the length of the longest of ways (f, n, 3)."""
-    return math.sqrt(np.einsum("fni,fni->fn", ways, ways).max())
+    most = 0.0
+    for a in range(len(ways)):
+        for i in range(ways.shape[1]):
+            u, v, w = ways[a, i, 0], ways[a, i, 1], ways[a, i, 2]
+            most = max(most, u * u + v * v + w * w)
+    return math.sqrt(most)

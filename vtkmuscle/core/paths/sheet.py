@@ -266,5 +266,4 @@ def _carried_by(transforms: Floats, points: Floats) -> Floats:
 
 def _seen_from(transforms: Floats, mine: Ints, opposite: Ints, points: Floats) -> Floats:
     """Return points (f, 3) seen from another bone. They move with a bone of their own."""
-    moved = _carried_by(transforms[mine], points) - transforms[opposite, :3, 3]
-    return np.asarray(np.einsum("fji,fj->fi", transforms[opposite, :3, :3], moved))
+    return _carried_by((inverses(transforms)[:, None] @ transforms)[opposite, mine], points)
