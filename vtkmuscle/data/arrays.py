@@ -159,9 +159,9 @@ class Polylines:
 
     def stacked(self, where: str, remedy: str) -> Floats:
         """Return the points (k, n, 3) of lines with equal numbers; ValueError at `where` for others."""
-        counts = np.unique(np.diff(self.offsets))
-        if len(counts) > 1:
-            problem = f"lines have {counts[0]} to {counts[-1]} points, but must have equal numbers"
+        counts = np.diff(self.offsets)
+        if np.ptp(counts):
+            problem = f"lines have {counts.min()} to {counts.max()} points, but must have equal numbers"
             raise InputError(where, problem, remedy)
         return self.points.reshape(len(self), int(counts[0]), 3)
 
@@ -172,11 +172,11 @@ class Polylines:
     def moved(self, points: Floats, offsets: Ints | None = None) -> vtkPolyData:
         """Return lines with new points and the source's arrays. With new offsets, without point arrays."""
         data: Any = self.data
-        result = polylines_from(Polylines(points, self.offsets if offsets is None else offsets))
-        result.GetCellData().ShallowCopy(data.GetCellData())
-        result.GetFieldData().ShallowCopy(data.GetFieldData())
-        if offsets is None:
-            result.GetPointData().ShallowCopy(data.GetPointData())
+        result: vtkPolyData = shallow_copy(data)
+        result.SetPoints(vtk_points(points))
+        if offsets is not None:
+            result.SetLines(_cells(offsets, np.arange(len(points))))
+            result.GetPointData().Initialize()
         return result
 
 

@@ -7,8 +7,9 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres import measures
-from vtkmuscle.core.mesh.normals import faces_that_meet, smooth_normals, triangle_normals
+from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
+from vtkmuscle.core.mesh.smooth_normals import surface_angles
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_deformed, triangle_tree
 from vtkmuscle.core.types import Floats
@@ -127,18 +128,13 @@ class FibreMetrics(Filter):
         self._bent = tree_of_deformed(self._bent, points, triangles)
         ends = np.vstack([lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1]])
         faces, feet, _ = self._bent.nearest(ends)
-        if not measures.have_area(points, triangles[faces]).all():
-            triangles = triangles[measures.have_area(points, triangles)]
+        if not triangle_normals(points, triangles[faces]).any(axis=1).all():  # some have no area
+            triangles = triangles[triangle_normals(points, triangles).any(axis=1)]
             if not len(triangles):
                 raise InputError("muscle", "all triangles are degenerate, so the surface has no normals")
             faces, feet, _ = triangle_tree(points, triangles).nearest(ends)
         runs = np.vstack(end_directions(lines.points, lines.offsets))
-        # On a crease the mean over faces, weighted by area, does not depend on rounding.
-        number, face = faces_that_meet(points, triangles, faces, feet)
-        sines = np.abs((runs[number] * smooth_normals(points, triangles, face, feet[number])).sum(axis=1))
-        sizes = np.linalg.norm(triangle_normals(points, triangles[face]), axis=1)
-        each = np.degrees(np.arcsin(np.minimum(sines, 1.0)))
-        angles = np.bincount(number, sizes * each) / np.bincount(number, sizes)
+        angles = surface_angles(self._bent.points, triangles, faces, feet, runs)
         return angles[: len(lines)], angles[len(lines) :]
 
     def _measure_muscle(

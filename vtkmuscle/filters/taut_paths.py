@@ -14,8 +14,8 @@ from vtkmuscle.core.errors import errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.paths.bows import free_shares
-from vtkmuscle.core.paths.guides import ALL_PATHS, LEAST_PATHS
-from vtkmuscle.core.paths.levers import path_levers
+from vtkmuscle.core.paths.guides import ALL_PATHS, LEAST_PATHS, with_bones
+from vtkmuscle.core.paths.levers import pull_of, rates_of
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread, lines_on_surface
 from vtkmuscle.core.paths.neighbours import path_lengths
 from vtkmuscle.core.paths.poses import KeptPoses
@@ -189,10 +189,11 @@ def _bows(
 ) -> dict[str, Floats]:
     """Return the parts of lengths and levers that are of bows off the bones."""
     free, lines = state.per_fibre(free_shares(state, held)), state.paths[:, [0, -1]]
-    alone: Any = (), twists, np.zeros_like(lines), (np.zeros_like, np.zeros_like)
-    straight = zip(levers.items(), path_levers(lines, end_bones, *alone), strict=True)
-    bows = {array_of(stored.BOW_LEVER, name): free * (own - line) for (name, own), line in straight}
-    return {stored.BOW: free * (state.lengths - path_lengths(lines)), **bows}
+    pull, bows = pull_of(lines), {stored.BOW: free * (state.lengths - path_lengths(lines))}
+    for (name, lever), twist in zip(levers.items(), twists, strict=True):
+        straight = np.einsum("fni,fni->f", pull, with_bones(lines, *end_bones, rates_of(twist)))
+        bows[array_of(stored.BOW_LEVER, name)] = free * (lever - straight)
+    return bows
 
 
 def _paths_at_rest(

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from shapes import sphere
 
-from vtkmuscle.core.mesh.normals import faces_that_meet, smooth_normals, triangle_normals
+from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
+from vtkmuscle.core.mesh.smooth_normals import smooth_normals, surface_angles
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.phantoms.meshing import box
 
@@ -46,18 +47,17 @@ def test_they_do_not_jump_as_a_hinge_folds():
     assert found[-1] == pytest.approx([0.0, 0.0, 1.0])
 
 
-def test_faces_that_meet_are_those_on_both_sides_of_an_edge_and_all_round_a_corner():
+def test_an_angle_is_the_mean_over_the_faces_on_both_sides_of_an_edge_and_all_round_a_corner():
     points, triangles = box((0.0, 0, 0), (20.0, 10.0, 5.0), 5.0)
-    places = np.array([[10.0, 5.0, 5.0], [10.0, 2.5, 5.0], [11.0, 3.0, 5.0]])
+    places = np.array([[10.0, 5.0, 5.0], [10.0, 2.5, 5.0], [10.0, 10.0, 4.0], [20.0, 10.0, 5.0]])
+    directions = unit_vectors(np.array([[1.0, 2.0, 3.0], [3.0, 1.0, 2.0], [1.0, 2.0, 3.0], [2.0, 1.0, 3.0]]))
     faces = triangle_tree(points, triangles).nearest(places)[0]
-    number, face = faces_that_meet(points, triangles, faces, places)
-    corners = points[triangles]
-    for place, expected in enumerate(places):
-        on = {
-            t
-            for t, (a, b, c) in enumerate(corners)
-            if sum(np.linalg.norm(np.cross(p - expected, q - expected)) for p, q in ((a, b), (b, c), (c, a)))
-            <= np.linalg.norm(np.cross(b - a, c - a)) * (1 + 1e-9)
-        }
-        assert set(face[number == place].tolist()) == on
-    assert len(face[number == 2]) == 1
+    angles = surface_angles(points, triangles, faces, places, directions)
+    normals, corners = triangle_normals(points, triangles), points[triangles]
+    areas = np.linalg.norm(normals, axis=1)
+    for place, direction, angle in zip(places, directions, angles, strict=True):
+        sides = corners - place
+        parts = np.linalg.norm(np.cross(sides, np.roll(sides, 1, axis=1)), axis=2).sum(axis=1)
+        each = np.degrees(np.arcsin(np.abs(normals @ direction) / areas))
+        on = parts <= areas * (1 + 1e-9)
+        assert angle == pytest.approx(np.average(each[on], weights=areas[on]), abs=1e-9)

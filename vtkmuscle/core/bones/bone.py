@@ -163,8 +163,11 @@ class Bone:
         """
         if field.lacking[0] == 0:
             return False
-        numbers = np.empty(27 * int(field.lacking[1]), dtype=np.int64)
-        nodes = np.unravel_index(np.unique(numbers[: _unknown(field, numbers)]), field.nodes.shape)
+        notes, shape = field.lacking[2 : 2 + field.lacking[1]], field.nodes.shape
+        around = np.ravel_multi_index(tuple(np.indices((3, 3, 3)).reshape(3, -1)), shape)
+        numbers = np.append(-1 - notes[notes < 0], notes[notes >= 0, None] + around)
+        nodes = np.unravel_index(np.unique(numbers[field.nodes.reshape(-1)[numbers] == 0.0]), shape)
+        field.lacking[:2] = 0
         positions = field.cell * (np.transpose(nodes) + field.low)
         distances = self.solids.distances(apply_transform(self.from_axes, positions))
         field.nodes[nodes] = np.where(distances == 0.0, np.finfo(np.float64).tiny, distances)  # 0 is unknown
@@ -225,25 +228,6 @@ def bone_axes(points: Floats) -> Floats:
     transform = np.eye(4)
     transform[:3, :3], transform[:3, 3] = axes, -axes @ centre
     return transform
-
-
-@kernel
-def _unknown(field: Field, numbers: Ints) -> int:
-    """Write the numbers of unknown nodes, and return their count. The notes are cleared."""
-    nodes, notes, count = field.nodes.reshape(-1), field.lacking, 0
-    _, height, depth = field.nodes.shape
-    for note in range(2, 2 + notes[1]):
-        if notes[note] < 0:
-            numbers[count], count = -1 - notes[note], count + 1
-            continue
-        for i in range(3):
-            for j in range(3):
-                for k in range(3):
-                    number = notes[note] + (i * height + j) * depth + k
-                    if nodes[number] == 0.0:
-                        numbers[count], count = number, count + 1
-    notes[0] = notes[1] = 0
-    return count
 
 
 @kernel

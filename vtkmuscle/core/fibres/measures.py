@@ -12,9 +12,9 @@ from numpy.polynomial import Polynomial
 from scipy.cluster.vq import kmeans2
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.mesh.normals import angles_between, triangle_normals, unit_vectors
+from vtkmuscle.core.mesh.normals import angles_between, unit_vectors
 from vtkmuscle.core.mesh.polylines import curve_segments, evenly_spaced, nearest_arcs, polyline_lengths
-from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.core.types import Floats, Ints
 
 
 def centroid_path(points: Floats, offsets: Ints, count: int) -> Floats:
@@ -27,11 +27,6 @@ def line_of_action(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
     chords = points[offsets[1:] - 1] - points[offsets[:-1]]
     direction = unit_vectors(chords.mean(axis=0))
     return direction, angles_between(chords, direction)
-
-
-def have_area(points: Floats, triangles: Ints) -> Bools:
-    """Return which triangles (m, 3) have an area, (m,)."""
-    return np.asarray((triangle_normals(points, triangles) ** 2).sum(axis=1) > 0.0)
 
 
 def physiological_cross_section(volume: float, lengths: Floats, angles: Floats) -> tuple[float, float]:

@@ -103,7 +103,7 @@ def lower_distances(
         x, y, z = x - queries[last, 0], y - queries[last, 1], z - queries[last, 2]
         # No surface is between two points that are nearer to each other than to the surface.
         if not (unsigned or math.sqrt(x * x + y * y + z * z) < distance):
-            inside = is_inside(queries[q], corners, boxes, leaves, along, slack, stack)
+            inside = is_inside(queries[q], corners, boxes, leaves, along, slack, stack, apart)
         last, distance = q, math.sqrt(square)
         distances[q] = min(-distance if inside else distance, best)
 
@@ -183,17 +183,18 @@ def _square_from(
 @kernel
 def find_inside(
     queries: Floats, corners: Floats, boxes: Floats, leaves: Ints, along: int, slack: float, stack: Ints,
-    inside: Bools,
+    sides: Floats, inside: Bools,
 ) -> None:  # fmt: skip
     """Write :func:`is_inside` of each query (q, 3)."""
     for q in range(len(queries)):
-        inside[q] = is_inside(queries[q], corners, boxes, leaves, along, slack, stack)
+        inside[q] = is_inside(queries[q], corners, boxes, leaves, along, slack, stack, sides)
 
 
 @kernel
 def is_inside(
-    query: Floats, corners: Floats, boxes: Floats, leaves: Ints, along: int, slack: float, stack: Ints
-) -> bool:
+    query: Floats, corners: Floats, boxes: Floats, leaves: Ints, along: int, slack: float, stack: Ints,
+    sides: Floats,
+) -> bool:  # fmt: skip
     """Return whether the winding number of a query (3,) is not 0.
 
     The winding number is the sum of triangles above a point along an axis, signed by their sides. Seen along
@@ -201,12 +202,12 @@ def is_inside(
 
     corners, boxes, leaves : of a :class:`~vtkmuscle.core.mesh.triangle_tree.TriangleTree`;
     slack : of boxes, for rounding;
-    stack : (64,), working memory.
+    stack, sides : working memory, (64,), (LANES,).
     """
     n_leaves = len(leaves) - 1
     u, v = (along + 1) % 3, (along + 2) % 3
     x, y, z = query[u], query[v], query[along]
-    stack[0], size, winding = 0, 1, 0
+    stack[0], size, winding = 0, 1, 0.0
     while size:
         size -= 1
         node = stack[size]
@@ -221,37 +222,34 @@ def is_inside(
             size += 2
             continue
         leaf = node - (n_leaves - 1)
+        _find_sides(corners[leaf], u, v, along, x, y, z, sides)
         for k in range(leaves[leaf + 1] - leaves[leaf]):
-            winding += _side_below(query, corners[leaf, :, k], along)
-    return winding != 0
+            winding += sides[k]
+    return winding != 0.0
 
 
 @kernel
-def _side_below(query: Floats, corners: Floats, along: int) -> int:
-    """Return 1 or -1 for a triangle (9,) above a point, by its side, else 0. An edge belongs to one side."""
-    u, v, a, b, c = (along + 1) % 3, (along + 2) % 3, corners[:3], corners[3:6], corners[6:]
-    x, y = query[u], query[v]
-    ax, ay, bx, by, cx, cy = a[u], a[v], b[u], b[v], c[u], c[v]
-    within = _crosses(x, y, ax, ay, bx, by) != _crosses(x, y, bx, by, cx, cy)
-    if within == _crosses(x, y, cx, cy, ax, ay):
-        return 0
-    ux, uy, uz = bx - ax, by - ay, b[along] - a[along]
-    vx, vy, vz = cx - ax, cy - ay, c[along] - a[along]
-    area = ux * vy - uy * vx
-    if area == 0.0:
-        return 0
-    first = ((x - ax) * vy - (y - ay) * vx) / area
-    second = (ux * (y - ay) - uy * (x - ax)) / area
-    above = a[along] + first * uz + second * vz > query[along]
-    return (1 if area > 0.0 else -1) if above else 0
+def _find_sides(
+    corners: Floats, u: int, v: int, along: int, x: float, y: float, z: float, sides: Floats
+) -> None:
+    """Write 1 or -1 for each of a leaf's triangles above a point, by its side, else 0."""
+    for k in range(LANES):
+        ax, bx, cx = corners[u, k], corners[3 + u, k], corners[6 + u, k]
+        ay, by, cy = corners[v, k], corners[3 + v, k], corners[6 + v, k]
+        az, bz, cz = corners[along, k], corners[3 + along, k], corners[6 + along, k]
+        ux, uy, vx, vy = bx - ax, by - ay, cx - ax, cy - ay
+        area = ux * vy - uy * vx
+        first, second = ((x - ax) * vy - (y - ay) * vx) / area, (ux * (y - ay) - uy * (x - ax)) / area
+        # An edge belongs to one side.
+        odd = _crosses(x, y, ax, ay, bx, by) ^ _crosses(x, y, bx, by, cx, cy) ^ _crosses(x, y, cx, cy, ax, ay)
+        above = odd & (az + first * (bz - az) + second * (cz - az) > z)
+        sides[k] = (1.0 if above & (area > 0.0) else 0.0) - (1.0 if above & (area < 0.0) else 0.0)
 
 
-@kernel
+@lane
 def _crosses(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> bool:
     """Return True if an edge crosses a ray. From (x, y) towards greater x."""
-    if (ay > y) == (by > y):
-        return False
     # From the lower end, so that both triangles of the edge get the same bits.
-    if ay > by:
-        ax, ay, bx, by = bx, by, ax, ay
-    return bool(ax + (y - ay) / (by - ay) * (bx - ax) > x)
+    px, qx = (bx if ay > by else ax), (ax if ay > by else bx)
+    low, high = min(ay, by), max(ay, by)
+    return ((ay > y) != (by > y)) & (px + (y - low) / (high - low) * (qx - px) > x)

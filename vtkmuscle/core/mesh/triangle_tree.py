@@ -12,8 +12,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.jit import LANES, kernel
-from vtkmuscle.core.mesh.normals import smooth_normals, unit_vectors
+from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.shared import digest, shared
+from vtkmuscle.core.mesh.smooth_normals import smooth_normals
 from vtkmuscle.core.mesh.tree_search import find_inside, lower_distances, search_tree
 from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
 
@@ -70,8 +71,8 @@ class TriangleTree:
         is on either side.
         """
         inside = np.zeros(len(queries), dtype=np.bool_)
-        tree, (stack, *_) = (self.corners, self.boxes, self.leaves), _memory()
-        find_inside(np.ascontiguousarray(queries), *tree, *self._rays, stack, inside)
+        tree, (stack, _, sides) = (self.corners, self.boxes, self.leaves), _memory()
+        find_inside(np.ascontiguousarray(queries), *tree, *self._rays, stack, sides, inside)
         return inside
 
     def depth(self, queries: Floats) -> Floats:
@@ -121,9 +122,9 @@ def tree_of_deformed(rest: TriangleTree | None, points: Floats, triangles: Ints)
     order of a tree of the surface's rest shape, if any: neighbours stay neighbours, so boxes stay small.
     Results equal those of a new tree, except among equally near triangles.
     """
-    key = digest(points, triangles)
+    key = digest(points)
     tree = _deformed.get(key)
-    if tree is None:
+    if tree is None or not np.array_equal(tree.triangles, triangles):
         points, triangles = points.copy(), triangles.copy()  # the caller's may change
         if rest is not None and np.array_equal(rest.triangles, triangles):
             tree = _filled(points, triangles, rest.order)

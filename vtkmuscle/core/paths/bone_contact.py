@@ -11,9 +11,9 @@ import numpy as np
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.lookup import STEEPEST, Field, least_distance_at, look_at
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
+from vtkmuscle.core.motion.rigid import apply_transform, inverses
 from vtkmuscle.core.paths.equilibrium import add_direction
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.types import Floats, Ints
 
 #: Stiffness of a bone or ring against a point, in stiffnesses of a path's springs. A point on a bone of
 #: radius R with points h apart sinks in by h^2 / (R PUSH): 0.01 mm where h is 4 mm and R 16 mm.
@@ -71,18 +71,21 @@ class BoneContacts:
 
     def __init__(self, pieces: Sequence[tuple[int, Bone]], standoff: Floats, segment: float) -> None:
         self.numbers, self._bones = [number for number, _ in pieces], [piece for _, piece in pieces]
-        self._standoff = standoff.reshape(len(pieces), math.prod(standoff.shape[1:]))
+        self._pieces, self._segment, self._standoff = pieces, segment, standoff
         self.rounding = ROUNDING * segment
         reaches = (float(kept.max(initial=0.0)) + self.rounding for kept in self._standoff)
         self._fields = [bone.look_up(reach) for bone, reach in zip(self._bones, reaches, strict=True)]
-        self._work = np.empty(3)
+
+    def of_paths(self, paths: Ints) -> BoneContacts:
+        """Return the contacts of some paths."""
+        return BoneContacts(self._pieces, self._standoff.take(paths, axis=1), self._segment)
 
     def proximity(self, transforms: Floats) -> Proximity:
         """Return a proximity in a pose of the bones (b, 4, 4), with no points looked up."""
-        shape, pieces = self._standoff.shape, zip(self.numbers, self._bones, strict=True)
-        to_axes = np.array([bone.axes @ inverse(transforms[number]) for number, bone in pieces])
-        to_axes = to_axes.reshape(-1, 4, 4)
-        return Proximity(to_axes, np.zeros((*shape, 3)), np.full(shape, -np.inf), np.zeros((*shape, 3)))
+        axes = np.reshape([bone.axes for bone in self._bones], (-1, 4, 4))
+        shape = len(axes), math.prod(self._standoff.shape[1:])
+        nothing = np.zeros((*shape, 3)), np.full(shape, -np.inf), np.zeros((*shape, 3))
+        return Proximity(axes @ inverses(transforms[self.numbers]), *nothing)
 
     def update(self, x: Floats, near: Proximity) -> None:
         """Write the gaps of paths x to the bones.
@@ -92,13 +95,14 @@ class BoneContacts:
         and far by its bound would not come to rest.
         """
         for k, (bone, field) in enumerate(zip(self._bones, self._fields, strict=True)):
-            standoff, (to_axes, points, gaps, normals) = self._standoff[k], (part[k] for part in near)
-            looked_at = to_axes, x.reshape(-1, 3), standoff, self.rounding, points, gaps, normals, self._work
+            standoff, (to_axes, *known) = self._standoff[k].reshape(-1), (part[k] for part in near)
+            looked_at = to_axes, x.reshape(-1, 3), standoff, self.rounding, *known
             while True:
                 beyond = _look_up(field, *looked_at)
                 if not bone.fill(field):
                     break
             if beyond:
+                points, gaps, normals = known
                 far = np.flatnonzero(np.isnan(gaps))
                 distance, outward = bone.solids.exact(apply_transform(bone.from_axes, points[far]))
                 turn = to_axes[:3, :3].T @ bone.axes[:3, :3]
@@ -114,14 +118,16 @@ class BoneContacts:
         """
         f, n, _ = x.shape
         sags, reach = np.zeros((f, n - 1)), 0.5 * np.linalg.norm(x[:, 1:] - x[:, :-1], axis=2)
-        for k, bone in enumerate(self._bones):
-            # A middle is no deeper than the nearer point's gap and half a segment allow.
-            gaps, standoff = near.gaps[k].reshape(f, n), self._standoff[k].reshape(f, n)
-            may, clear = np.maximum(gaps[:, 1:], gaps[:, :-1]) < reach, standoff + np.minimum(gaps, 0.0)
-            kept, points = np.minimum(clear[:, 1:], clear[:, :-1])[may], near.points[k].reshape(f, n, 3)
-            middles = 0.5 * (points[:, 1:][may] + points[:, :-1][may])
+        gaps, points = near.gaps.reshape(-1, f, n), near.points.reshape(-1, f, n, 3)
+        clear = self._standoff + np.minimum(gaps, 0.0)
+        # A middle is no deeper than the nearer point's gap and half a segment allow.
+        may = np.maximum(gaps[..., 1:], gaps[..., :-1]) < reach
+        for k in np.flatnonzero(may.any(axis=(1, 2))):
+            bone, (a, i) = self._bones[k], np.nonzero(may[k])
+            kept = np.minimum(clear[k, a, i], clear[k, a, i + 1])
+            middles = 0.5 * (points[k, a, i] + points[k, a, i + 1])
             distance = bone.field(apply_transform(bone.from_axes, middles), within=kept)[0]
-            sags[may] = np.maximum(sags[may], kept - distance)
+            sags[a, i] = np.maximum(sags[a, i], kept - distance)
         return np.asarray(sags.max(axis=1))
 
     def load(self, k: int, near: Proximity, pressure: Floats) -> Load:
@@ -136,35 +142,33 @@ class BoneContacts:
         pressed, shape = np.flatnonzero(pressure), pressure.shape
         moves = bone.cell * np.concatenate([np.eye(3), -np.eye(3)])
         points = apply_transform(bone.from_axes, near.points[k, pressed])
-        sides = bone.field((points + moves[:, None]).reshape(-1, 3))[1].reshape(2, 3, -1, 3)
+        first, second = bone.field((points + moves[:, None]).reshape(-1, 3))[1].reshape(2, 3, -1, 3) @ turn.T
         normals = near.normals[k, pressed]
         force, gaps = pressure.reshape(-1)[pressed, None], near.gaps[k, pressed, None]
         stiff = PUSH * np.minimum(0.5 - 0.5 * gaps / self.rounding, 1.0)  # as of pressure_at
-        turning = turn @ ((sides[0] - sides[1]) / (2.0 * bone.cell)).transpose(1, 2, 0) @ turn.T
+        turning = (turn @ (first - second).reshape(3, -1)).reshape(3, -1, 3).transpose(1, 2, 0)
         forces, stiffness = np.zeros((*shape, 3)), np.zeros((*shape, 3, 3))
         forces.reshape(-1, 3)[pressed] = force * normals
         pushing = stiff[..., None] * normals[:, :, None] * normals[:, None]
-        stiffness.reshape(-1, 3, 3)[pressed] = pushing - force[..., None] * turning
+        stiffness.reshape(-1, 3, 3)[pressed] = pushing - (0.5 / bone.cell * force)[..., None] * turning
         return Load(forces, stiffness)
 
 
 @kernel
 def _look_up(
     field: Field, to_axes: Floats, x: Floats, standoff: Floats, rounding: float, points: Floats, gaps: Floats,
-    normals: Floats, work: Floats,
+    normals: Floats,
 ) -> int:  # fmt: skip
     """Do the work of :meth:`BoneContacts.update` for a bone; return the number of points beyond its field.
 
-    x, points, normals : (p, 3), standoff, gaps : (p,); work : (2, 3), memory. Gaps of unknown nodes, and
-    beyond the field, are NaN.
+    x, points, normals : (p, 3), standoff, gaps : (p,). Gaps of unknown nodes, and beyond the field, are NaN.
     """
-    at, beyond = work, 0
+    beyond = 0
     for p in range(len(x)):
-        transform_point(to_axes, x, p, at)
-        moved = 0.0
+        u, v, w, at, moved = x[p, 0], x[p, 1], x[p, 2], points[p], 0.0
         for c in range(3):
-            moved += (at[c] - points[p, c]) ** 2
-            points[p, c] = at[c]
+            along = to_axes[c, 0] * u + to_axes[c, 1] * v + to_axes[c, 2] * w + to_axes[c, 3]
+            moved, at[c] = moved + (along - at[c]) ** 2, along
         gaps[p] -= STEEPEST * np.sqrt(moved)
         if gaps[p] >= rounding:
             continue

@@ -29,13 +29,13 @@ def free_shares(state: PathState, held: Floats | float = 0.0) -> Floats:
     shorter, but may run through bones; pushed out of the bones the curve is longer. The share is 1 for a
     curve as short as without bones, 0 for a curve as long as the path, the least of several curves.
     """
-    x, contacts = state.points, state.sheet.contacts
-    bows = x - np.linspace(x[:, 0], x[:, -1], x.shape[1], axis=1)
-    near = contacts.proximity(state.transforms)
-    tried = np.arange(len(x)) % math.ceil(len(x) / TRIED) == 0
-    lengths, shares = path_lengths(x), (tried & (state.contacts == 0)).astype(np.float64)
+    all_held = np.zeros(len(state.points)) + held
+    tried = np.arange(0, len(all_held), math.ceil(len(all_held) / TRIED))
+    x, contacts, least = state.points[tried], state.sheet.contacts.of_paths(tried), all_held[tried]
+    bows, near = x - np.linspace(x[:, 0], x[:, -1], x.shape[1], axis=1), contacts.proximity(state.transforms)
+    lengths, shares = path_lengths(x), (state.contacts[tried] == 0).astype(np.float64)
     for part in LEFT_OUT:
-        if not (free := shares > held).any():
+        if not (free := shares > least).any():
             break
         near.gaps.reshape(-1, *x.shape[:2])[:, ~free] = np.inf  # not looked up
         curves = x - part * free[:, None, None] * bows
@@ -44,5 +44,7 @@ def free_shares(state: PathState, held: Floats | float = 0.0) -> Floats:
         pushes[:, [0, -1]] = 0.0
         shorter = np.maximum(lengths - path_lengths(curves), np.finfo(float).eps * lengths)
         shares = np.clip((lengths - path_lengths(curves + pushes)) / shorter, 0.0, shares)
-    shares = np.maximum(shares - held, 0.0)
-    return np.asarray(np.where(tried, shares, shares[tried].mean()))
+    shares = np.maximum(shares - least, 0.0)
+    all_shares = np.full(len(all_held), shares.mean())
+    all_shares[tried] = shares
+    return all_shares

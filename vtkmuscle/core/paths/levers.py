@@ -61,7 +61,7 @@ def path_levers(
     along_drift = change(start)
 
     def lever(twist: Floats) -> Floats:
-        rates, by_loads = _rates_of(twist), np.zeros_like(points)
+        rates, by_loads = rates_of(twist), np.zeros_like(points)
         velocity = with_bones(points, *ends, rates)  # to begin with
         for bone, (force, stiffness) in loads:  # which go with the bone, and turn with it
             add_load(stiffness, force, points, rates[bone], by_loads)
@@ -117,7 +117,7 @@ def add_load(stiffness: Floats, force: Floats, points: Floats, motion: Floats, f
                 forces[a, i, c] += k[c, 0] * u + k[c, 1] * v + k[c, 2] * w + turned
 
 
-def _rates_of(twist: Floats) -> Floats:
+def rates_of(twist: Floats) -> Floats:
     """Return matrices (b, 4, 4) that take points to their velocities by a twist (b, 6)."""
     rates = np.zeros((len(twist), 4, 4))
     rates[:, :3, :3] = np.cross(twist[:, None, 3:], np.eye(3)).swapaxes(1, 2)

@@ -135,8 +135,6 @@ class SheetPose:
 
     def hold(self, points: Floats) -> bool:
         """Choose the points held by rings. Of (f, n, 3); return whether the choice changed."""
-        if not self._sheet.rings:  # nor are its kernels compiled
-            return False
         before = self.ring_points.copy()
         hold_in_rings(points - self._middle, self._rings, self.ring_points)
         return not np.array_equal(before, self.ring_points)
@@ -167,14 +165,14 @@ class SheetPose:
         enough = tolerance * x.shape[0] * x.shape[1] * segment**2
         longest = LARGEST_STEP * segment
         lacking, product = np.zeros_like(self._blocks), np.empty_like(x)
-        before: list[tuple[Floats, Floats, Floats]] = []
+        before: list[Floats] = []
         slopes: deque[float] = deque(maxlen=3)
         self.look_at(x)
         for number in range(ITERATIONS):
             if number > PLAIN_STEPS:
                 self._blocks += lacking
             plain = slope = self.step()
-            now = x, self.gradient.copy(), self.move.copy()
+            now = np.array([x, self.gradient, self.move])
             if len(before) == SECANTS:
                 move = accelerated(now, before)
                 if (improved := float(np.vdot(self.gradient, move))) < 0.0:
@@ -195,7 +193,7 @@ class SheetPose:
                 equilibrium.add_lacking(x - now[0], self.gradient - now[1] - part * product, lacking)
             if number >= _WHOLE_STEPS and farthest_of(x - start) > reach:
                 return False
-            if self.hold(self.points):
+            if self._sheet.rings and self.hold(self.points):
                 self.look_at(x)
                 before = []
                 continue
@@ -256,9 +254,7 @@ class SheetPose:
         :func:`~vtkmuscle.core.paths.levers.path_levers`.
         """
         x, sheet, loads = self.x, self._sheet, self._loads()
-        held = np.zeros((*x.shape, 3))
-        for _, load in loads:
-            held += load.stiffness
+        held = np.zeros((*x.shape, 3)) + sum(load.stiffness for _, load in loads)
         wider, going = -widening(x, sheet.lengths)[:, None, None] * pull_of(x), np.empty_like(self._rows)
         equilibrium.prepare_solve(*self._matrix, self._sums, self._inverses)
 
@@ -303,9 +299,7 @@ def _rate(slopes: Sequence[float]) -> tuple[float, float]:
     return min(max(ratios[-2:]), SLOWEST), -slopes[-1]
 
 
-def accelerated(
-    now: tuple[Floats, Floats, Floats], before: Sequence[tuple[Floats, Floats, Floats]]
-) -> Floats:
+def accelerated(now: Floats, before: Sequence[Floats]) -> Floats:
     """Return a step improved by earlier points.
 
     The step is (f, n, 3). Each point has positions, a gradient and Newton's step. On the plane through the
@@ -313,9 +307,7 @@ def accelerated(
     gradient, in the norm of the inverse matrix (Anderson 1965, doi:10.1145/321296.321305; Walker, Ni 2011,
     doi:10.1137/10078356X).
     """
-    x, gradient, moves = (
-        (new - np.array([old[k] for old in before])).reshape(len(before), -1) for k, new in enumerate(now)
-    )
+    x, gradient, moves = (now - np.array(before)).reshape(len(before), 3, -1).swapaxes(0, 1)
     products = gradient @ moves.T
     right = gradient @ now[2].reshape(-1) + moves @ now[1].reshape(-1)
     parts = np.linalg.lstsq(products + products.T, right)[0]

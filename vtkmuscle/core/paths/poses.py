@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.paths.sheet import MusclePaths, PathState
 from vtkmuscle.core.types import Floats, Ints
 
@@ -36,18 +36,13 @@ class KeptPoses:
         """
         key = transforms.tobytes()
         if key not in self._states:
-            corners, still = self._placed(transforms), np.broadcast_to(np.eye(4), transforms.shape)
-            starts = [(self.rest, self._placed(still)), *reversed(self._states.values())]
-            farthest_moves = [np.linalg.norm(corners - placed, axis=2).max() for _, placed in starts]
-            state = self._paths.follow(starts[int(np.argmin(farthest_moves))][0], transforms)
+            seen = inverse(transforms[self._bones[0]]) @ transforms[self._bones]  # from the first bone
+            corners = self._corners @ seen[:, :3, :3].swapaxes(1, 2) + seen[:, None, :3, 3]
+            starts = [(self.rest, self._corners), *reversed(self._states.values())]
+            moves = ((corners - np.array([placed for _, placed in starts])) ** 2).sum(axis=3)
+            state = self._paths.follow(starts[int(moves.max(axis=(1, 2)).argmin())][0], transforms)
             self._states[key] = state, corners
             most = max(int(memory // max(state.nbytes, 1)), 1)
             for old in list(self._states)[:-most]:
                 del self._states[old]
         return self._states[key][0]
-
-    def _placed(self, transforms: Floats) -> Floats:
-        """Return the corners seen from the first bone, (b, 8, 3)."""
-        seen = inverse(transforms[self._bones[0]])
-        boxes = zip(self._bones, self._corners, strict=True)
-        return np.array([apply_transform(seen @ transforms[bone], box) for bone, box in boxes])

@@ -260,7 +260,8 @@ class MusclePaths:
         start[:, 0] = _carried_by(transforms[self.start_bones], self.fibres[:, 0])
         start[:, -1] = _carried_by(transforms[self.end_bones], self.fibres[:, -1])
         pose = SheetPose(self._sheet, transforms, start)
-        pose.hold(carried)  # near the equilibrium rings would never let go of the points that they hold
+        if self._sheet.rings:  # near the equilibrium they would never let go of the points that they hold
+            pose.hold(carried)
         settled = pose.settle(self._segment, tolerance, reach)
         self._latest = pose  # alive for the levers of this state
         now = self._sheet, pose.points, transforms, pose.ring_points, settled, pose.steps
@@ -273,5 +274,4 @@ def _carried_by(transforms: Floats, points: Floats) -> Floats:
 
 def _seen_from(transforms: Floats, mine: Ints, opposite: Ints, points: Floats) -> Floats:
     """Return points (f, 3) seen from another bone. They move with a bone of their own."""
-    moved = _carried_by(transforms[mine], points) - transforms[opposite, :3, 3]
-    return np.asarray(np.einsum("fji,fj->fi", transforms[opposite, :3, :3], moved))
+    return _carried_by((inverses(transforms)[:, None] @ transforms)[opposite, mine], points)

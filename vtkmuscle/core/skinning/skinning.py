@@ -134,9 +134,8 @@ class Skinning:
         """
         n = paths.shape[1]
         stretch = path_widths(paths, self._lengths) ** -2
-        part = np.linspace(0.0, 1.0, n)
-        parts = np.stack([1.0 - part, part], axis=1)
-        turns = np.einsum("ne,feij->fnij", parts, transforms[self._ends, :3, :3]).reshape(-1, 3, 3)
+        parts = np.linspace((1.0, 0.0), (0.0, 1.0), n)
+        turns = (parts @ transforms[self._ends, :3, :3].reshape(-1, 2, 9)).reshape(-1, 3, 3)
         now = np.ascontiguousarray(paths).reshape(-1, 3)
         arms = now - now.mean(axis=0)
         products = np.einsum("pi,pj->pij", arms, self._arms).reshape(-1, 9)
