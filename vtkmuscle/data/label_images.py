@@ -22,8 +22,6 @@ from vtkmuscle.core.motion.rigid import apply_transform, frame_at
 from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data import arrays
 
-#: Margin around a label [voxels], enough for the Gaussian and a Newton step.
-MARGIN = 4
 #: Radius of the Gaussian [standard deviations]: 0.3 % of the weight is beyond.
 _TRUNCATED = 3.0
 
@@ -100,10 +98,11 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
     piece = numbers == 1 + int(np.argmax(sizes))
     cut = int(piece.sum() - piece[inner].sum())
     box = ndimage.find_objects(piece.view(np.uint8))[0]
-    solid = np.pad(piece[box], MARGIN)
+    margin = math.ceil(_TRUNCATED * smoothing) + 1  # for the Gaussian and a Newton step
+    solid = np.pad(piece[box], margin)
     hollow = ndimage.label(~solid)[0] > 1  # the corner's part is the first
     solid |= hollow
-    placed = frame @ frame_at([axis.start - MARGIN for axis in box[::-1]])
+    placed = frame @ frame_at([axis.start - margin for axis in box[::-1]])
     spacing = np.linalg.norm(frame[:3, :3], axis=0)
     boundary = ndimage.distance_transform_edt(~solid, sampling=spacing[::-1]).astype(np.float32)
     boundary -= ndimage.distance_transform_edt(solid, sampling=spacing[::-1]).astype(np.float32)

@@ -23,7 +23,7 @@ from vtkmuscle.core.fibres.direction_field import NEIGHBOURS
 from vtkmuscle.core.fibres.measures import SIDES
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.polylines import smooth_polylines
-from vtkmuscle.core.mesh.sampling import PatchSamples, part_means
+from vtkmuscle.core.mesh.sampling import UNEVEN, PatchSamples, part_means
 from vtkmuscle.core.types import FloatMap, Floats, Ints
 
 #: Positions on the smaller area that decide which part of the larger area stays bare. With 64 to 400
@@ -146,9 +146,6 @@ def bend_inside(fibres: Floats, into_muscle: FloatMap) -> Floats:
     return fibres
 
 
-#: Largest random extra weight of a position in the axes that divide an area: decides between equal axes. With
-#: 0 to 0.2 mean lengths of fibres in the ten muscles differ by at most 0.06 mm.
-UNEVEN = 0.1
 #: Positions that sample each share of an area: with 8 to 32 mean lengths of fibres in the ten muscles differ
 #: by at most 0.2 mm.
 CANDIDATES = 16

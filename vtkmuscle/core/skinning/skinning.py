@@ -28,9 +28,6 @@ CUBIC = np.array([(1, 4, 1, 0), (-3, 0, 3, 0), (3, -6, 3, 0), (-1, 3, -3, 1)]) /
 #: How much of a turn comes from the bones: it decides where paths do not, as all of them are on a line.
 #: Without it fibres of four muscles of a real hip change by 0.04 to 0.6 mm.
 FROM_BONES = 0.02
-#: Distances below this part of the muscle's thickness are the same; with 1e-9 fibres of four muscles of a
-#: real hip change by less than 1e-6 mm.
-LEAST_APART = 1e-3
 
 
 class SkinningWeights(NamedTuple):
@@ -74,7 +71,7 @@ class Skinning:
         self._rest: Floats = paths.reshape(-1, 3)
         self._arms = self._rest - self._rest.mean(axis=0)
         self._tangents: Floats = directions_along(paths).reshape(-1, 3)
-        least = LEAST_APART * thickness
+        least = ROUNDING * thickness
         count = min(BESIDE, f)
         adjacent, parts = np.empty((f, n, count), dtype=np.int64), np.empty((f, n, count))
         for i in range(n):
