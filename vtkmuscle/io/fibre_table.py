@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,9 +9,7 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import field_array
-from vtkmuscle.io.csv_table import write_rows
 
 #: Field arrays with a value per muscle.
 _WHOLE = ("MuscleVolume", "PCSA", "PCSALine")
@@ -67,27 +63,3 @@ def spread(values: NDArray[np.float64]) -> dict[str, float]:
     """Return ``mean``, ``sd`` (of the population), ``min`` and ``max`` of values."""
     measures = {"mean": values.mean(), "sd": values.std(), "min": values.min(), "max": values.max()}
     return {name: float(value) for name, value in measures.items()}
-
-
-def write_fibre_table(fibres: vtkPolyData, path: str | PathLike[str]) -> Path:
-    """Write the measures of fibres as CSV. A row per fibre and a column per cell array; return the file.
-
-    Parameters
-    ----------
-    fibres : vtkPolyData
-        From :class:`~vtkmuscle.filters.FibreMetrics`.
-    path : path
-        Replaced if existing.
-
-    Raises
-    ------
-    ValueError
-        If the fibres have no cell arrays.
-    """
-    columns = fibre_columns(fibres)
-    if not columns:
-        problem = "the fibres have no cell arrays"
-        raise InputError("write_fibre_table", problem, "run FibreMetrics on the fibres first")
-    rows = zip(*(map("%.10g".__mod__, column) for column in columns.values()), strict=True)
-    write_rows(Path(path), [list(columns), *rows])
-    return Path(path)

@@ -173,9 +173,8 @@ def _crossing(lines: Floats, neighbours: Ints) -> float:
 #: 1988, *Why are mammalian tendons so thick?*, Journal of Zoology 216, 309-324).
 MUSCLE_FOR_TENDON = 34.0
 #: A section with less than this part of the largest area counts as tendon: half way between the areas of
-#: muscle and tendon on a logarithmic scale. The limits lie a quarter of the scale to either side.
-TENDON_AREA = MUSCLE_FOR_TENDON**-0.5
-TENDON_AREAS = (MUSCLE_FOR_TENDON**-0.75, MUSCLE_FOR_TENDON**-0.25)
+#: muscle and tendon on a logarithmic scale; then limits, a quarter of the scale to either side.
+TENDON_AREAS = (MUSCLE_FOR_TENDON**-0.5, MUSCLE_FOR_TENDON**-0.75, MUSCLE_FOR_TENDON**-0.25)
 #: Points of the medial curve, degree of its polynomial, passes of the fit, number of cross-sections.
 NODES, DEGREE, PASSES, SECTIONS = 17, 2, 8, 40
 #: Samples of a fibre along the curve; part of a fascicle that gives the direction of its end.

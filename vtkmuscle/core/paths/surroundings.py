@@ -12,7 +12,7 @@ from scipy.spatial.distance import cdist
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
-from vtkmuscle.core.types import MOST_ROUNDS, SAME, Floats, Ints
+from vtkmuscle.core.types import SAME, Floats, Ints
 
 #: The thickness of the tissue between a fibre and a bone is smoothed along the fibre by a Gaussian of this
 #: standard deviation, as a part of its length.
@@ -29,6 +29,9 @@ BUNDLE = 2.0
 #: is less than this. The thickness of the tissue there is that of the nearest points beside the bone. Without
 #: the limit a supraspinatus does not settle in one of 21 poses.
 LEAST_BESIDE = 0.1
+
+#: Steps of the search for the muscle's surface.
+_STEPS = 30
 
 
 class Surroundings(NamedTuple):
@@ -185,7 +188,7 @@ def tissue_between(
     nearest, depth = depth.reshape(-1), depth.reshape(-1).copy()
     inside = depth > SAME * float(np.ptp(at, axis=0).max())
     going = np.flatnonzero(sure & inside)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(_STEPS):
         # No surface is nearer than the depth: go on by that much.
         walked[going] += depth[going]
         going = going[walked[going] < distance[going]]
