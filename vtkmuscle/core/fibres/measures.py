@@ -175,8 +175,8 @@ MUSCLE_FOR_TENDON = 34.0
 #: A section with less than this part of the largest area counts as tendon: half way between the areas of
 #: muscle and tendon on a logarithmic scale; then limits, a quarter of the scale to either side.
 TENDON_AREAS = (MUSCLE_FOR_TENDON**-0.5, MUSCLE_FOR_TENDON**-0.75, MUSCLE_FOR_TENDON**-0.25)
-#: Points of the medial curve, degree of its polynomial, passes of the fit, number of cross-sections.
-NODES, DEGREE, PASSES, SECTIONS = 17, 2, 8, 40
+#: Points of the medial curve, passes of the fit, number of cross-sections.
+NODES, PASSES, SECTIONS = 17, 8, 40
 #: Samples of a fibre along the curve; part of a fascicle that gives the direction of its end.
 POINTS, END = 121, 0.1
 
@@ -247,7 +247,7 @@ def area_profile(surface: Floats, faces: Ints, samples: Floats, points: Floats, 
     for _ in range(PASSES):
         arcs, _ = along(curve, samples)
         nodes = np.linspace(arcs.min(), arcs.max(), NODES)
-        curve = np.column_stack([Polynomial.fit(arcs, x, DEGREE)(nodes) for x in samples.T])
+        curve = np.column_stack([Polynomial.fit(arcs, x, deg=2)(nodes) for x in samples.T])
     arcs, _ = along(curve, surface)
     bounds = np.linspace(arcs.min(), arcs.max(), SECTIONS + 1)
     middles = (bounds[1:] + bounds[:-1]) / 2.0
