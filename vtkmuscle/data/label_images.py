@@ -17,7 +17,7 @@ from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkQuadricDecimation
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import vertex_normals
-from vtkmuscle.core.mesh.surface import edge_uses, point_components, survey, unique_edges
+from vtkmuscle.core.mesh.surface import MOST_REPAIRED, edge_uses, point_components, survey, unique_edges
 from vtkmuscle.core.motion.rigid import apply_transform, frame_at
 from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data import arrays
@@ -182,8 +182,6 @@ def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
 
 #: Area of an equilateral triangle with unit edges.
 EVEN = math.sqrt(3.0) / 4.0
-#: Largest relative error of a surface's volume.
-MOST_OFF = 0.01
 #: Relaxations of triangles along a surface.
 RELAXATIONS = 8
 #: Newton steps along the normals to the label's volume: 2 suffice except for labels of a few voxels.
@@ -268,7 +266,7 @@ def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
     bad = report.n_boundary_edges + report.n_nonmanifold_edges + report.n_misoriented_edges
     if bad or report.n_degenerate_triangles or report.n_components > 1:
         problem = f"the surface is not closed and manifold at {bad} edges"
-    elif abs(report.volume - field.volume) > MOST_OFF * field.volume:
+    elif abs(report.volume - field.volume) > MOST_REPAIRED * field.volume:
         problem = f"the surface encloses {report.volume:.3g} mm^3, but the voxels {field.volume:.3g}"
     else:
         return points, triangles
