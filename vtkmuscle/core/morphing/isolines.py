@@ -97,7 +97,7 @@ def morph_by_isolines(
     inside = box.coordinates(points)
     fractions = np.clip(inside[:, 2] / box.length, 0.0, 1.0)
     tolerance = max(slicing.slice_tolerance / box.length, ROUNDING)
-    levels, slice_of = slices.shared_levels(fractions, tolerance)
+    levels, slice_of = slices.shared_levels(fractions, tolerance, slices.GRAIN)
     levels = course.begin + levels * course.span
     heights = course.begin + fractions * course.span
     guides = course.begin + slices.guide_levels(course.span)

@@ -17,6 +17,10 @@ from vtkmuscle.core.morphing.correspondence import LoopStack, SectionMap, sectio
 from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
 from vtkmuscle.core.types import ROUNDING, SAME, Floats, Ints
 
+#: Heights of slices are multiples of this part of the box's length, between rounding and `ROUNDING`. Without
+#: it lengths of paths in a knee and an elbow change by up to 0.2 mm, by 3.5 mm in a supraspinatus that does
+#: not settle: rounding chooses another course.
+GRAIN = 1e-12
 #: Parallel planes do not suit a muscle whose course exceeds an angle to the box's axis [degrees] over more
 #: than a share of its length, or whose main branch has less than a share of the volume.
 LARGEST_STEEP_SHARE, STEEP, LEAST_SHARE = 0.15, 45.0, 0.8
@@ -134,11 +138,12 @@ def guide_levels(length: float) -> Floats:
     return length * np.linspace(GUIDE_MARGIN, 1.0 - GUIDE_MARGIN, N_GUIDES)
 
 
-def shared_levels(heights: Floats, tolerance: float) -> tuple[Floats, Ints]:
+def shared_levels(heights: Floats, tolerance: float, grain: float = 0.0) -> tuple[Floats, Ints]:
     """Return slice levels (k,) [mm] and each height's slice (n,).
 
     From the lowest height on, a slice takes all heights within the tolerance [mm] of its lowest. Its level is
-    half way between its lowest and highest height: heights that differ by rounding share their slices.
+    half way between its lowest and highest height, rounded to a multiple of the grain, far below the
+    tolerance: heights that differ by rounding share their slices.
     """
     order = np.argsort(heights, kind="stable")
     slice_of = np.empty(len(heights), dtype=np.int64)
@@ -150,7 +155,8 @@ def shared_levels(heights: Floats, tolerance: float) -> tuple[Floats, Ints]:
         slice_of[order[first:last]] = len(levels)
         levels.append(0.5 * (ascending[first] + ascending[last - 1]))
         first = last
-    return np.array(levels), slice_of
+    exact = np.array(levels)
+    return np.round(exact / grain) * grain if grain > 0.0 else exact, slice_of
 
 
 #: Slices that measure the muscle's course: by 64 the ten muscles of a hip and a knee have the same course. By
@@ -175,15 +181,15 @@ def morph_by_planes(points: Floats, transform: Floats, muscle: ClosedSurface, sl
     """
     box = Box(transform)
     inside = box.coordinates(points)
-    tolerance = max(slicing.slice_tolerance, ROUNDING * box.length)
+    tolerance, grain = max(slicing.slice_tolerance, ROUNDING * box.length), GRAIN * box.length
     course = _PlaneCourse(box.surface(muscle))
     volume_share, steep_share = course.shares()
     heights = np.clip(inside[:, 2], course.bottom + course.margin, course.top - course.margin)
-    levels, slice_of = shared_levels(heights, tolerance)
+    levels, slice_of = shared_levels(heights, tolerance, grain)
     branch = course.branch(np.union1d(levels, course.guides))
     if (branch.at(levels[[0, -1]]) < 0).any():
         heights = course.squeezed(heights, branch)
-        levels, slice_of = shared_levels(heights, tolerance)
+        levels, slice_of = shared_levels(heights, tolerance, grain)
         branch = course.branch(np.union1d(levels, course.guides))
     slices, hits = branch.stack(levels, 2)
     maps = slice_maps(slices, branch.stack(course.guides, 2)[0], box, slicing.continuity * box.length)
