@@ -57,7 +57,7 @@ def go_on(out: Path) -> None:
 
 def command(folder: Path) -> None:
     """Give a command of the program its words, in a folder with damaged files."""
-    from vtkmuscle.cli import BAD_INPUT, FAILED, app
+    from vtkmuscle.cli import Status, app
     from vtkmuscle.io.writing import RECORD
 
     os.chdir(folder)
@@ -68,9 +68,9 @@ def command(folder: Path) -> None:
     lines = done.stderr.splitlines()
     assert all(len(line) < 1000 for line in lines), lines
     assert {path.name for path in folder.rglob(".*")} <= {RECORD}, "left behind"
-    if done.exit_code == BAD_INPUT:
+    if done.exit_code == Status.BAD_INPUT:
         errors = [line for line in lines if line.startswith("error: ")]
         assert errors, lines
         assert all(line.startswith(("error: ", "warning: ")) for line in lines), lines
         raise ValueError(done.stderr)
-    assert done.exit_code in (0, FAILED), done.exit_code
+    assert done.exit_code in (0, Status.FAILED), done.exit_code

@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 import vtkmuscle
 from vtkmuscle import Scene
 from vtkmuscle.cli import app, options
-from vtkmuscle.cli.options import FAULT, INTERRUPTED, one_clear_error, stop_if_interrupted
+from vtkmuscle.cli.options import Status, one_clear_error, stop_if_interrupted
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.io import write_motion_table, write_polydata
@@ -172,7 +172,7 @@ def test_ctrl_c_that_a_callback_swallows_ends_the_command_later(monkeypatch):
         with contextlib.suppress(KeyboardInterrupt):
             options.interrupt()
         stop_if_interrupted()
-    assert ended.value.exit_code == INTERRUPTED
+    assert ended.value.exit_code == 130
 
 
 @pytest.mark.parametrize("moment", ["in the middle", *slow("at the start")])
@@ -241,10 +241,10 @@ def test_a_fault_of_the_package_is_one_line_with_its_traceback_in_a_file(monkeyp
 
     monkeypatch.setattr(Scene, "load", broken)
     done = CliRunner().invoke(app, ["run", str(scene_file)])
-    assert (done.exit_code, len(done.stderr.splitlines())) == (FAULT, 1)
+    assert (done.exit_code, len(done.stderr.splitlines())) == (Status.FAULT, 1)
     assert "error: a fault of vtkmuscle: KeyError: 'odd'; the traceback is in " in done.stderr
     assert "in broken" in Path(done.stderr.split("traceback is in ")[1].split(",")[0]).read_text()
     monkeypatch.setattr(options, "_pressed", threading.Event())
     monkeypatch.setattr(Scene, "load", lambda *_: (options._pressed.set(), broken()))
     done = CliRunner().invoke(app, ["run", str(scene_file)])
-    assert (done.exit_code, done.stderr) == (INTERRUPTED, "stopped. Nothing was written.\n")
+    assert (done.exit_code, done.stderr) == (130, "stopped. Nothing was written.\n")

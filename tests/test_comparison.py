@@ -116,6 +116,10 @@ def test_angles_in_radians_are_compared_in_degrees():
 def test_nothing_in_common_is_one_clear_error():
     with pytest.raises(ValueError, match=r"no muscle is in two .*one: vastus_r; other: psoas"):
         vtkmuscle.compare({"one": Made(), "other": Made(muscle="psoas")})
+    scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.spindle_over_hinge())
+    for given in (scene, [scene]):
+        with pytest.raises(TypeError, match=r"takes results or their folders, not .*; run a scene first"):
+            vtkmuscle.compare(given)
 
 
 def test_a_table_and_a_figure_are_written(tmp_path):

@@ -12,7 +12,7 @@ from slow import slow
 from tiny_scene import HINGE, MOTION
 
 from vtkmuscle import Scene
-from vtkmuscle.cli import BAD_INPUT
+from vtkmuscle.cli import Status
 
 DEEP = "a = " + 500 * "[" + 500 * "]" + "\n"
 
@@ -26,7 +26,7 @@ def change(scene_file, old, new):
 def refused(*arguments):
     """Run the program, expect a line for each fault and nothing else, and return them."""
     done = vtkmuscle_(*arguments)
-    assert done.exit_code == BAD_INPUT
+    assert done.exit_code == Status.BAD_INPUT
     lines = done.stderr.splitlines()
     assert lines
     assert all(line.startswith("error: ") and len(line) < 600 for line in lines)
@@ -106,7 +106,7 @@ def test_output_that_cannot_be_written_is_no_traceback(scene_file, command):
             check=False,
             timeout=120,
         )
-    assert done.returncode == BAD_INPUT
+    assert done.returncode == Status.BAD_INPUT
     assert done.stderr.startswith("error: ")
     assert done.stderr.endswith("No space left on device\n")
     assert len(done.stderr.splitlines()) == 1

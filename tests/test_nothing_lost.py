@@ -15,7 +15,7 @@ from faults import files_in
 from tiny_scene import write_tiny_scene
 
 from vtkmuscle import Scene, SceneError, phantoms
-from vtkmuscle.cli import BAD_INPUT
+from vtkmuscle.cli import Status
 from vtkmuscle.io.writing import LOCK
 from vtkmuscle.run.store.writing import ResultWriter, claimed, remove_results
 from vtkmuscle.scene.writing import save_unless_there
@@ -41,7 +41,7 @@ def contents(folder):
 
 
 def check_refused(done, words):
-    assert (done.exit_code, done.stdout) == (BAD_INPUT, "")
+    assert (done.exit_code, done.stdout) == (Status.BAD_INPUT, "")
     assert len(done.stderr.splitlines()) == 1
     assert words in done.stderr
 
@@ -192,7 +192,7 @@ def test_an_empty_name_is_no_folder(scene_file, scene, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path / "here")
     for command in (("run", scene_file, "--out", ""), ("demo", "--out", "")):
         done = vtkmuscle_(*command)
-        assert done.exit_code == BAD_INPUT
+        assert done.exit_code == Status.BAD_INPUT
         assert "it is empty" in done.output
     with pytest.raises(ValueError, match="out is empty"):
         scene.run("")

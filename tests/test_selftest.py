@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 import vtkmuscle
 from vtkmuscle import installation
-from vtkmuscle.cli import FAILED, app
+from vtkmuscle.cli import Status, app
 
 
 def test_an_installation_that_computes_otherwise_is_said(monkeypatch):
@@ -21,7 +21,7 @@ def test_the_command_names_versions_and_fails_where_a_known_answer_is_missed(mon
     rows = [("arm [mm]", 30.0, 32.0, 3.0, True), ("volume", 1.1, 1.0, 1e-6, False)]
     monkeypatch.setattr(installation, "selftest", lambda: vtkmuscle.Table(installation.COLUMNS, rows))
     done = CliRunner().invoke(app, ["selftest"])
-    assert done.exit_code == FAILED
+    assert done.exit_code == Status.FAILED
     assert re.search(rf"^vtkmuscle +{re.escape(vtkmuscle.__version__)}$", done.output, re.MULTILINE)
     for word in ("python", "processors", "numba", "pictures", "kernels"):
         assert re.search(rf"^{word} +\S", done.output, re.MULTILINE)

@@ -254,6 +254,12 @@ def test_of_a_scene_that_says_its_unit_nothing_is_said(good, units, factor):
     assert said(replace(scaled(good, factor), units=units)) == (None, [])
 
 
+def test_two_bones_in_one_position_are_said_once(good):
+    bones = {**good.bones, "copy": good.bones["femur"]}
+    _, warned = said(replace(good, bones=bones))
+    assert sum("of the bone lies in the bone" in message for message in warned) == 1
+
+
 def test_a_motion_that_can_be_meant_is_not_said():
     """Grids, pauses, reversals, turns with a screw-home, and flexion in RAS."""
     scene = Scene.from_phantom(phantoms.hip())

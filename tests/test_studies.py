@@ -14,7 +14,7 @@ from two_joint_scene import save_strap, scene_with
 
 import vtkmuscle
 from vtkmuscle import Scene, phantoms
-from vtkmuscle.cli import FAILED
+from vtkmuscle.cli import Status
 from vtkmuscle.run.store import ResultFolder
 
 
@@ -200,7 +200,7 @@ def test_the_command_writes_the_table_and_ends_with_the_status_of_the_worst(tmp_
     good, out = write_tiny_scene(tmp_path / "good"), tmp_path / "out"
     options = "--frames", "0:1", "--workers", "1"
     done = vtkmuscle_("cohort", good, tmp_path / "none.toml", "--out", out, *options)
-    assert done.exit_code == FAILED
+    assert done.exit_code == Status.FAILED
     assert "none.toml" in done.stderr
     assert f"wrote {out / 'cohort.csv'}, 2 rows" in done.stdout
     lines = (out / "cohort.csv").read_text().splitlines()

@@ -15,6 +15,7 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import SAME, Floats
+from vtkmuscle.core.words import quoted
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, literature_of, side_apart
 from vtkmuscle.run import Result, Table
 from vtkmuscle.run.result_data import UNNAMED
@@ -146,8 +147,8 @@ def compare(
 
     Raises
     ------
-    ValueError
-        If no muscle is in two of the runs, or a file cannot be read.
+    TypeError, ValueError
+        For a scene in place of a result; if no muscle is in two of the runs, or a file cannot be read.
 
     Examples
     --------
@@ -186,7 +187,9 @@ def compare(
 
 def _named(results: Sequence[Result | str | PathLike[str]]) -> dict[str, Result]:
     named: dict[str, Result] = {}
-    for run in [results] if isinstance(results, Result | str | PathLike) else results:
+    for run in results if isinstance(results, Sequence) and not isinstance(results, str) else [results]:
+        if not isinstance(run, Result | str | PathLike):
+            raise TypeError(f"compare takes results or their folders, not {quoted(run)}; run a scene first")
         result = run if isinstance(run, Result) else Result.load(run)
         name = run.name if isinstance(run, Result) else Path(run).resolve().name
         number = sum(other == name or other.startswith(f"{name} (") for other in named)

@@ -121,7 +121,7 @@ def test_the_command_shows_the_licence_and_wants_it_accepted(tiny, tmp_path):
     to = ["--out", str(tmp_path / "here")]
     with serving(tiny) as (host, _):
         refused = CliRunner().invoke(cli.app, ["fetch", "lhdl-hip", *to, "--host", host])
-        assert refused.exit_code == cli.BAD_INPUT
+        assert refused.exit_code == cli.Status.BAD_INPUT
         assert "You may." in refused.output
         assert "--accept-licence" in refused.output
         assert nothing_left(tmp_path)
@@ -133,5 +133,5 @@ def test_the_command_shows_the_licence_and_wants_it_accepted(tiny, tmp_path):
 def test_a_name_that_is_not_known_is_answered_with_those_that_are():
     assert "lhdl-hip: " in CliRunner().invoke(cli.app, ["fetch"]).output
     answer = CliRunner().invoke(cli.app, ["fetch", "lhdl-knee"])
-    assert answer.exit_code == cli.BAD_INPUT
+    assert answer.exit_code == cli.Status.BAD_INPUT
     assert "did you mean 'lhdl-hip'" in answer.output

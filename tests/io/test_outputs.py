@@ -10,7 +10,7 @@ from commands import vtkmuscle_
 from slow import slow
 
 from vtkmuscle import Scene
-from vtkmuscle.cli import BAD_INPUT
+from vtkmuscle.cli import Status
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.io import write_polydata, write_text
 from vtkmuscle.io.writing import LOCK, RECORD, Outputs
@@ -111,7 +111,7 @@ def test_a_killed_command_goes_on(tmp_path, move):
 
 
 def refused(done, words):
-    assert done.exit_code == BAD_INPUT, done.output
+    assert done.exit_code == Status.BAD_INPUT, done.output
     assert words in " ".join(done.output.split())
     return True
 

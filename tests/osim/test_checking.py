@@ -104,16 +104,19 @@ def test_muscles_that_wind_are_opensims_or_named(opensim_data):
 
 
 def test_what_is_not_evaluated_is_said(tmp_path):
-    """A ligament counts apart, a plugin's force is left out, a coordinate without a range is not swept."""
-    sideways = JointAxis((1, 0, 0), IDENTITY, "adduction")
-    joint = Joint("knee", "thigh", "shank", [*TREE.joints[0].rotations, sideways])
-    tree = KinematicTree("thigh", [joint], [*TREE.coordinates, JointCoordinate("adduction")])
+    """A ligament counts apart, a plugin's force is left out; a locked coordinate or without a range stays."""
+    more = [JointAxis(axis, IDENTITY, name) for axis, name in (((1, 0, 0), "adduction"), ((0, 1, 0), "turn"))]
+    joint = Joint("knee", "thigh", "shank", [*TREE.joints[0].rotations, *more])
+    more = [JointCoordinate("adduction"), JointCoordinate("turn", range=(-1.0, 1.0))]
+    tree = KinematicTree("thigh", [joint], [*TREE.coordinates, *more])
     still = PointPath([START, PathPoint("thigh", (0, 0, 0))])
     text = osim_of(tree, [MuscleOut("m", PointPath([START, END])), MuscleOut("still", still)])
     passive = text[text.index("<Millard") : text.index("</Millard2012EquilibriumMuscle>")] + "</Ligament>"
     passive = passive.replace('Millard2012EquilibriumMuscle name="m"', 'Ligament name="l"')
     text = text.replace("<Millard", f'<MyPlugin name="p"/>{passive}<Millard', 1)
-    (tmp_path / "leg.osim").write_text(text)
+    named = '<Coordinate name="turn">'
+    assert named in text
+    (tmp_path / "leg.osim").write_text(text.replace(named, f"{named}<locked>true</locked>"))
     words = repr(check_model(tmp_path / "leg.osim"))
     assert words.startswith("1 of 2 muscles and 1 of 1 ligaments evaluated")
     alone = osim_of(tree, [MuscleOut("still", still)])  # and a ligament, which is evaluated
@@ -121,7 +124,8 @@ def test_what_is_not_evaluated_is_said(tmp_path):
     none = vtkmuscle_("check", tmp_path / "no.osim", "--out", tmp_path / "no.html", "--fail-above", 5)
     assert none.exit_code == 1, "a model without an evaluated muscle passed"
     assert "no muscle of" in none.stderr
-    assert "(no coordinate with a range): still; coordinates without a range, not swept: adduction" in words
+    assert "(no coordinate is swept): still; coordinates locked or without" in words
+    assert "a range, not swept: adduction, turn" in words
     assert "left out: ForceSet: line" in words
     assert "MyPlugin 'p'" in words
     (tmp_path / "bones.osim").write_text(osim_of(tree, []))

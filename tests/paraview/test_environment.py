@@ -9,7 +9,7 @@ import pytest
 from commands import python
 from typer.testing import CliRunner
 
-from vtkmuscle.cli import BAD_INPUT, app
+from vtkmuscle.cli import Status, app
 from vtkmuscle.paraview.environment import COMPATIBILITY, PLUGINS, link_packages
 
 
@@ -59,7 +59,7 @@ def test_links_are_made_anew(tmp_path):
 def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
     done = run("--folder", tmp_path)
-    assert done.exit_code == BAD_INPUT
+    assert done.exit_code == Status.BAD_INPUT
     assert "mine.txt is not a link" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
@@ -68,7 +68,7 @@ def test_links_of_the_user_are_left_alone_all_of_them(tmp_path):
     for name in ("a", "numpy", "z"):
         (tmp_path / name).symlink_to("/somewhere")
     done = run("--folder", tmp_path)
-    assert done.exit_code == BAD_INPUT
+    assert done.exit_code == Status.BAD_INPUT
     assert "a is a link of another program" in done.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "numpy", "z"]
     assert all(os.readlink(path) == "/somewhere" for path in tmp_path.iterdir())
@@ -76,14 +76,14 @@ def test_links_of_the_user_are_left_alone_all_of_them(tmp_path):
 
 def test_an_empty_name_is_no_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert run("--folder", "").exit_code == BAD_INPUT
+    assert run("--folder", "").exit_code == Status.BAD_INPUT
     assert not list(tmp_path.iterdir())
 
 
 def test_without_a_cache_a_folder_must_be_given(monkeypatch):
     monkeypatch.setenv("VTKMUSCLE_CACHE", "")
     done = run()
-    assert done.exit_code == BAD_INPUT
+    assert done.exit_code == Status.BAD_INPUT
     assert "--folder" in done.stderr
 
 

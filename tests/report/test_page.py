@@ -84,7 +84,7 @@ def test_pennation_is_that_of_the_cross_section(run_folder, page):
     assert float(cells[at + 1]) == pytest.approx(mean, rel=5e-3), cells
 
 
-def test_of_many_muscles_a_line_is_shown_and_the_numbers_on_demand(run_folder, monkeypatch):
+def test_of_many_muscles_a_line_is_shown_and_the_numbers_on_demand(run_folder):
     def summaries(page):
         cards = re.findall(r'<article class="verdict.*?</article>', page, flags=re.DOTALL)
         return [re.findall(r"<summary>(mean length, bone to bone [^<]*)</summary>", card) for card in cards]
@@ -92,8 +92,7 @@ def test_of_many_muscles_a_line_is_shown_and_the_numbers_on_demand(run_folder, m
     _, result = run_folder
     assert summaries(page_of(result)) == [[], []]
     few = words_of(page_of(result))
-    monkeypatch.setattr("vtkmuscle.report.page.MANY", 1)
-    many = page_of(result)
+    many = page_of(result, many=1)
     assert [len(found) for found in summaries(many)] == [1, 1]
     assert set(few.split()) == set(words_of(many).split()), "nothing is lost"
 

@@ -20,7 +20,7 @@ from typer import Argument, Option
 import vtkmuscle
 from vtkmuscle import io
 from vtkmuscle.cli import options as shared
-from vtkmuscle.cli.options import BAD_INPUT, FAILED, INTERRUPTED
+from vtkmuscle.cli.options import Status
 from vtkmuscle.cli.results import check, compare, export, figures, from_labels, init, report
 from vtkmuscle.cli.running import cohort, run_and_report, tradeoff
 from vtkmuscle.core.errors import InputError
@@ -29,7 +29,7 @@ from vtkmuscle.io.children import start_early
 #: Flexion in the frames of the demo [degrees]: the range of the phantom, in fewer steps.
 DEMO_ANGLES = tuple(range(0, 91, 5))
 
-__all__ = ["BAD_INPUT", "FAILED", "INTERRUPTED", "app", "main"]
+__all__ = ["Status", "app", "main"]
 
 app = typer.Typer(
     name="vtkmuscle",
@@ -54,7 +54,7 @@ def main() -> None:
     except OSError as error:  # commands print their own errors: this one is of the printing
         with suppress(OSError):
             sys.stderr.write(f"error: standard output cannot be written: {error.strerror}\n")
-        sys.exit(BAD_INPUT)
+        sys.exit(Status.BAD_INPUT)
     finally:
         for stream in (sys.stdout, sys.stderr):
             try:
@@ -130,7 +130,7 @@ def selftest() -> None:
         verdict = "passed" if passed else "FAILED"
         typer.echo(f"{verdict}  {quantity}: {measured:.6g}, known {expected:.6g}, within {within:g}")
     if not table["passed"].all():
-        raise typer.Exit(FAILED)
+        raise typer.Exit(Status.FAILED)
 
 
 @command()

@@ -12,8 +12,10 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import wraps
 from pathlib import Path
+from signal import SIGINT
 from subprocess import list2cmdline
 from tempfile import mkdtemp
 from traceback import format_exception
@@ -118,13 +120,14 @@ def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, s
     return names
 
 
-#: Exit status if a muscle failed and all else was written, of input that cannot be used, of a fault of the
-#: package, of Ctrl-C (128 + SIGINT, as in shells), and without a reader of the output (128 + SIGPIPE).
-FAILED = 1
-BAD_INPUT = 2
-FAULT = 3
-INTERRUPTED = 130
-NO_READER = 141
+class Status(IntEnum):
+    """Exit statuses of the command line."""
+
+    FAILED = 1  # a muscle failed, and all else was written
+    BAD_INPUT = 2
+    FAULT = 3  # of the package
+    NO_READER = 141  # of the output: 128 + SIGPIPE
+
 
 #: Set by Ctrl-C: a callback of a library may swallow the KeyboardInterrupt.
 _pressed = threading.Event()
@@ -163,19 +166,20 @@ def one_clear_error(out: Path | None) -> Iterator[None]:
             yield
     except (ValueError, OSError, MemoryError) as error:
         if isinstance(error, BrokenPipeError):  # as by "| head"; a child process that dies has its own error
-            raise typer.Exit(NO_READER) from error
+            raise typer.Exit(Status.NO_READER) from error
         for fault in getattr(error, "faults", (error,)):
             print_error(f"error: {_words(fault)}")
-        raise typer.Exit(BAD_INPUT) from error
+        raise typer.Exit(Status.BAD_INPUT) from error
     except (KeyboardInterrupt, Exception) as stop:
         if type(stop).__module__.startswith(("typer", "click")):
             raise
         # A Ctrl-C while modules are loaded becomes an error of the module.
         if not isinstance(stop, KeyboardInterrupt) and not _pressed.is_set():
             print_error(f"error: a fault of vtkmuscle: {_traceback_of(stop)}")
-            raise typer.Exit(FAULT) from stop
+            raise typer.Exit(Status.FAULT) from stop
         print_error(f"stopped. {_what_is_finished(out)}", style="yellow")
-        raise typer.Exit(128 + stop.args[0] if isinstance(stop, TerminatedError) else INTERRUPTED) from None
+        number = stop.args[0] if isinstance(stop, TerminatedError) else SIGINT
+        raise typer.Exit(128 + number) from None  # as in shells
 
 
 def _traceback_of(error: BaseException) -> str:

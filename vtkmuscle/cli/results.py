@@ -167,7 +167,7 @@ def check(
         shared.print_error(f"error: --fail-above: no muscle of {model} could be evaluated; see the reasons")
     sizes = [1000.0 * finding.size for finding in checked.findings if "fibre" not in finding.what]
     if not evaluated or max(sizes, default=0.0) > options.fail_above:
-        raise typer.Exit(shared.FAILED)
+        raise typer.Exit(shared.Status.FAILED)
 
 
 def report(

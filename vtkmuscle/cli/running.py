@@ -50,7 +50,7 @@ def run_and_report(scene: vtkmuscle.Scene, out: Path, options: shared.RunArgumen
     if options.report:
         tell(f"Open {out / PAGE} in a browser: scene, curves, tables, validity")
     if "failed" in result.verdicts.values():
-        raise typer.Exit(shared.FAILED)
+        raise typer.Exit(shared.Status.FAILED)
 
 
 def _run(scene: vtkmuscle.Scene, out: Path, options: shared.RunArguments) -> Any:
@@ -137,7 +137,7 @@ def cohort(
     table = vtkmuscle.cohort([str(scene) for scene in scenes], out, progress=show, **settings)
     shared.say(options.quiet, f"wrote {out / 'cohort.csv'}, {len(table['muscle'])} rows")
     if "failed" in table["verdict"]:
-        raise typer.Exit(shared.FAILED)
+        raise typer.Exit(shared.Status.FAILED)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,6 +18,8 @@ Progress = Callable[[float], None]
 SAME = 1e-6
 #: Part of a size below which a difference is rounding: of 16 digits a computation loses up to seven.
 ROUNDING = 1e-9
+#: Rounds of a loop that ends by itself, at most: 5 to 10 are common.
+MOST_ROUNDS = 30
 
 
 def quiet(part: float) -> None:

@@ -17,13 +17,11 @@ from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkQuadricDecimation
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import vertex_normals
-from vtkmuscle.core.mesh.surface import edge_uses, point_components, survey, unique_edges
+from vtkmuscle.core.mesh.surface import MOST_REPAIRED, edge_uses, point_components, survey, unique_edges
 from vtkmuscle.core.motion.rigid import apply_transform, frame_at
 from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data import arrays
 
-#: Margin around a label [voxels], enough for the Gaussian and a Newton step.
-MARGIN = 4
 #: Radius of the Gaussian [standard deviations]: 0.3 % of the weight is beyond.
 _TRUNCATED = 3.0
 
@@ -100,10 +98,11 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
     piece = numbers == 1 + int(np.argmax(sizes))
     cut = int(piece.sum() - piece[inner].sum())
     box = ndimage.find_objects(piece.view(np.uint8))[0]
-    solid = np.pad(piece[box], MARGIN)
+    margin = math.ceil(_TRUNCATED * smoothing) + 1  # for the Gaussian and a Newton step
+    solid = np.pad(piece[box], margin)
     hollow = ndimage.label(~solid)[0] > 1  # the corner's part is the first
     solid |= hollow
-    placed = frame @ frame_at([axis.start - MARGIN for axis in box[::-1]])
+    placed = frame @ frame_at([axis.start - margin for axis in box[::-1]])
     spacing = np.linalg.norm(frame[:3, :3], axis=0)
     boundary = ndimage.distance_transform_edt(~solid, sampling=spacing[::-1]).astype(np.float32)
     boundary -= ndimage.distance_transform_edt(solid, sampling=spacing[::-1]).astype(np.float32)
@@ -183,8 +182,6 @@ def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
 
 #: Area of an equilateral triangle with unit edges.
 EVEN = math.sqrt(3.0) / 4.0
-#: Largest relative error of a surface's volume.
-MOST_OFF = 0.01
 #: Relaxations of triangles along a surface.
 RELAXATIONS = 8
 #: Newton steps along the normals to the label's volume: 2 suffice except for labels of a few voxels.
@@ -269,7 +266,7 @@ def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
     bad = report.n_boundary_edges + report.n_nonmanifold_edges + report.n_misoriented_edges
     if bad or report.n_degenerate_triangles or report.n_components > 1:
         problem = f"the surface is not closed and manifold at {bad} edges"
-    elif abs(report.volume - field.volume) > MOST_OFF * field.volume:
+    elif abs(report.volume - field.volume) > MOST_REPAIRED * field.volume:
         problem = f"the surface encloses {report.volume:.3g} mm^3, but the voxels {field.volume:.3g}"
     else:
         return points, triangles

@@ -24,8 +24,8 @@ from vtkmuscle.core.words import quoted
 from vtkmuscle.io.csv_table import number_in
 from vtkmuscle.io.xml_elements import Element, read_xml
 
-#: Largest component of an axis, a scale of units, and largest coordinate of a position.
-_LARGEST, _FARTHEST = 1e4, 1e9
+#: Largest number of a pose: far more than a length in micrometres, or a scale of units.
+_LARGEST = 1e9
 
 Clouds = dict[str, dict[str, Floats]]
 
@@ -85,11 +85,11 @@ def _time(element: Element) -> float:
 
 def _matrix(element: Element, kind: str) -> Floats:
     pose = element.numbers(16).reshape(4, 4)
-    large = np.abs(pose[:3, :3]).max() > _LARGEST or np.abs(pose).max() > _FARTHEST
+    large = np.abs(pose).max() > _LARGEST
     singular = not large and abs(np.linalg.det(pose[:3, :3])) < 1e-12
     if (pose[3] != (0.0, 0.0, 0.0, 1.0)).any() or large or (singular and not kind.endswith("Landmark")):
-        problem = "is no pose: the last row must be 0 0 0 1, the axes independent and no longer than "
-        problem += f"{_LARGEST:g}, and the position no farther than {_FARTHEST:g}"
+        problem = "is no pose: the last row must be 0 0 0 1, the axes independent, and all numbers at most "
+        problem += f"{_LARGEST:g}"
         raise element.error(problem, "correct it")
     return pose
 

@@ -120,7 +120,7 @@ def _coordinate(element: Element, unit: str) -> JointCoordinate:
     rest = element.number("default_value" if element.find("default_value") else "initial_value", 0.0)
     limits = element.find("range")
     span = None if limits is None else tuple(limits.numbers(2).tolist())
-    return JointCoordinate(element.name, unit, rest, span)
+    return JointCoordinate(element.name, unit, rest, span, locked=element.flag("locked"))
 
 
 def _spatial_transform(element: Element) -> tuple[list[JointAxis], list[JointAxis]]:

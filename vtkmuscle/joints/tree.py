@@ -25,7 +25,8 @@ HALF_STEP = 1e-4
 class JointCoordinate:
     """A coordinate of a joint, in radians, or in mm, cm or m for a translation.
 
-    ``rest`` is the value by default, ``range`` least and largest, ``positive`` the direction in words.
+    ``rest`` is the value by default, ``range`` least and largest, ``positive`` the direction in words. A
+    ``locked`` coordinate stays at rest.
     """
 
     name: str
@@ -33,6 +34,7 @@ class JointCoordinate:
     rest: float = 0.0
     range: tuple[float, float] | None = None
     positive: str = ""
+    locked: bool = False
 
     @property
     def is_angle(self) -> bool:

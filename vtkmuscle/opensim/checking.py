@@ -72,7 +72,8 @@ class ModelCheck:
     """The faults of a model's muscles and ligaments, grouped by path, the largest jumps first.
 
     Paths that wind round surfaces are ``by_opensim``, evaluated by OpenSim, or ``not_checked`` without
-    OpenSim. ``not_swept`` are coordinates without a range, ``still`` paths that no swept coordinate moves.
+    OpenSim. ``not_swept`` are coordinates that are locked or without a range, ``still`` paths that no swept
+    coordinate moves.
     """
 
     model: OsimModel
@@ -99,8 +100,8 @@ class ModelCheck:
             words += f", {len(self.by_opensim)} with wrapping surfaces by OpenSim"
         for names, why in (
             (self.not_checked, "not evaluated (wrapping needs OpenSim)"),
-            (self.still, "not evaluated (no coordinate with a range)"),
-            (self.not_swept, "coordinates without a range, not swept"),
+            (self.still, "not evaluated (no coordinate is swept)"),
+            (self.not_swept, "coordinates locked or without a range, not swept"),
             ([part for part in self.model.not_used if part.startswith(_FORCES)], "left out"),
         ):
             words += f"; {why}: {', '.join(names)}" if names else ""
@@ -115,7 +116,7 @@ class ModelCheck:
             "ligaments": list(model.ligaments),
             "by_opensim": list(self.by_opensim),
             "not_evaluated": [*self.not_checked, *self.still],
-            "coordinates_without_range": list(self.not_swept),
+            "coordinates_not_swept": list(self.not_swept),
             "not_used": list(model.not_used),
             "findings": [dict(zip(COLUMNS, f.row, strict=True)) | {"pose": f.pose} for f in self.findings],
         }
@@ -143,7 +144,7 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
 
     Lengths of point paths and polynomials are computed here, lengths with wrapping surfaces by OpenSim if
     installed, lengths of MJCF by MuJoCo. The result has jumps of lengths and moment arms, and sign changes of
-    moment arms. A coordinate without a range is not swept.
+    moment arms. A coordinate that is locked or without a range is not swept.
 
     Raises
     ------
@@ -156,7 +157,7 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
     wound = {} if isinstance(model, MujocoModel) else model.paths
     winding = [name for name, each in wound.items() if getattr(each.path, "wraps", ())]
     by_opensim = _opensim_lengths(Path(path), model, winding) if winding else None
-    swept = {each.name for each in model.tree.coordinates if each.range and each.range[0] < each.range[1]}
+    swept = {each.name for each in model.tree.coordinates if _span(each)}
     crossed = {name: set(each.path.coordinates(model.tree)) for name, each in model.paths.items()}
     unswept = set().union(*crossed.values()) - swept
     findings = list(_findings(model, [name for name in crossed if name not in winding], model.lengths))
@@ -193,9 +194,9 @@ def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Ite
     random = np.random.default_rng(0)
     for swept in free:
         crossing = [muscle for muscle in muscles if swept.name in crossed[muscle]]
-        if swept.range is None or swept.range[0] >= swept.range[1] or not crossing:
+        if not crossing or (span := _span(swept)) is None:
             continue
-        sweep = np.linspace(*swept.range, POSES)
+        sweep = np.linspace(*span, POSES)
         fixed = {coordinate.name: _fixed_values(coordinate, random) for coordinate in free}
         values = {name: np.repeat(column, POSES) for name, column in fixed.items()}
         values[swept.name] = np.tile(sweep, SWEEPS)
@@ -219,11 +220,17 @@ def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Ite
                 yield PathFault(muscle, swept.name, what, size, pose, unit, part, axis, arms[sweeps[i]])
 
 
+def _span(coordinate: JointCoordinate) -> tuple[float, float] | None:
+    """Return the range in which a coordinate moves, None if it is locked or has no range."""
+    low, high = coordinate.range or (0.0, 0.0)
+    return (low, high) if low < high and not coordinate.locked else None
+
+
 def _fixed_values(coordinate: JointCoordinate, random: np.random.Generator) -> Floats:
     """Return a fixed coordinate's values (s,): the default, then random ones."""
     away, rest = _LIMITS["away"], coordinate.rest
     away = np.radians(away["angle"]) if coordinate.is_angle else away["translation"]
-    low, high = np.clip(coordinate.range or (rest, rest), rest - away, rest + away)
+    low, high = np.clip(_span(coordinate) or (rest, rest), rest - away, rest + away)
     return np.append(rest, random.uniform(low, high, SWEEPS - 1))
 
 

@@ -21,8 +21,9 @@ from vtkmuscle.opensim.osim_text import MuscleOut
 #: Largest number of held-out parts of each coordinate's values: the inner parts choose the polynomial's order
 #: by the errors of a fit to the remaining poses, so that the order holds between the levels of a grid.
 PARTS = 5
-#: Relative decrease of the held-out error that justifies a higher order. With 0 and 0.1 the errors of ten
-#: muscles of a hip and a knee change by at most a quarter.
+#: Relative decrease of the held-out error that justifies a higher order, and of the error that justifies a
+#: cylinder. With 0 and 0.1 the errors of ten muscles of a hip and a knee change by at most a quarter; from
+#: 0.05 to 0.2 they have the same cylinders, with 0 a biceps femoris has a cylinder that changes no error.
 WORTH = 0.05
 
 
@@ -106,9 +107,6 @@ def _unscaled(coefficients: Floats, middle: Floats, half: Floats, order: int) ->
     return np.asarray(result[table])
 
 
-#: Error ratio below which a cylinder is kept: from 0.8 to 0.95 the ten muscles have the same paths; with 1 a
-#: biceps femoris has a cylinder that changes no error.
-WORTH_A_CYLINDER = 0.9
 #: Initial positions of a cylinder along its part of the line. With the middle alone the errors of ten muscles
 #: of a hip and a knee are 0.18 and 1.2 mm instead of 0.14 and 0.61 (root mean square).
 PLACES = (0.25, 0.5, 0.75)
@@ -160,7 +158,7 @@ def fit_points(
         ]
         tried = [path for path in tried if not search.flips(path)]
         better = min(tried, key=search.error, default=best)
-        if search.error(better) > WORTH_A_CYLINDER * search.error(best):
+        if search.error(better) > (1.0 - WORTH) * search.error(best):
             break
         best = better
     return best

@@ -18,8 +18,6 @@ from vtkmuscle.phantoms.phantom import Answer, Phantom, Surface, phantom_from
 WIDTH, DEPTH, LENGTH = 20.0, 40.0, 120.0
 #: Thickness of the plates that stand for bones, and edge length of triangles of plates and blocks [mm].
 PLATE, SPACING = 6.0, 4.0
-#: Largest distance of a block's landmarks [mm].
-LANDMARKS = 10.0
 
 
 def sliding(bone: str, direction: tuple[int, int, int]) -> RigidMotion:
@@ -102,10 +100,10 @@ def wall(x: float, low: float, high: float) -> Floats:
     return np.array([(x, 0.0, low), (x, DEPTH, low), (x, DEPTH, high), (x, 0.0, high)])
 
 
-def _ring(corners: Floats) -> Floats:
-    """Return the landmarks (k, 3) around an area with corners (4, 3)."""
+def _ring(corners: Floats, apart: float = 10.0) -> Floats:
+    """Return landmarks (k, 3) around an area with corners (4, 3), at most some way apart [mm]."""
     sides = []
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        count = int(np.ceil(np.linalg.norm(b - a) / LANDMARKS - 1e-9))
+        count = int(np.ceil(np.linalg.norm(b - a) / apart - 1e-9))
         sides.append(a + np.arange(count)[:, None] / count * (b - a))
     return np.vstack(sides)

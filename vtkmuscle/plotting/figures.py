@@ -153,10 +153,6 @@ def _draw_lines(axes: Axes, x: Floats, values: Floats, colours: Any, alpha: floa
     axes.add_collection(LineCollection(lines, linewidths=0.7, colors=colours, alpha=alpha))
 
 
-#: Height of the curves of a coordinate, and of the picture of the muscle, at most [inches].
-_HEIGHT, _PICTURE = 2.4, 2.1
-
-
 def plot_moment_arms(
     arms: Mapping[str, JointArms],
     bones: views.DrawnBones | None = None,
@@ -193,14 +189,14 @@ def plot_moment_arms(
     positions = None if rest is None or rest.fibres is None else positions_across(rest.fibres)
     if rest is not None and positions is not None and bones is not None and studio is not None:
         view = views.clearest_view([rest.muscle], [bones.spread()])
-        across = min(_PICTURE * view.aspect, (0.33 if at_side else 0.9) * wide)
+        across = min(sheets.INCHES["picture"] * view.aspect, (0.33 if at_side else 0.9) * wide)
         view = replace(view, area=(across * sheets.DOTS_PER_INCH) ** 2 / view.aspect)  # pixel for pixel
         colours = colours_of(positions, views.PLACE_MAP)
         actors = actors_of([rest.muscle], view, fibres=rest.fibres, colours=colours, finer=studio.finer)
         panel = sheets.Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
     across, high = (0.0, 0.0) if panel is None else panel.inches
     left, above = (1.05 * across, 0.0) if at_side else (0.0, 1.1 * high)
-    curves_high, title = _HEIGHT * len(arms), rest.label if rest is not None else ""
+    curves_high, title = sheets.INCHES["curves"] * len(arms), rest.label if rest is not None else ""
     height = curves_high + above + (0.25 if title else 0.0)
     figure = sheets.blank_figure(wide, height, title=title)
     figure.set_layout_engine("constrained", rect=(left / wide, 0.0, 1.0 - left / wide, curves_high / height))

@@ -28,8 +28,9 @@ SCREEN = 150.0
 WIDTH, INCH = 180.0, 25.4
 #: Letters and lines of figures in a journal, which asks for 7 points at least.
 _STYLE = {"font.size": 8.0, "axes.linewidth": 0.6, "legend.columnspacing": 1.2, "legend.handlelength": 1.5}
-#: Least width of a panel, and the gap beside it [inches].
-_LEAST, _GAP = 1.5, 0.06
+#: Least width of a panel, and the gap beside it; height of the curves of a coordinate, and of the picture of
+#: the muscle beside them, at most [inches].
+INCHES = {"panel": 1.5, "gap": 0.06, "curves": 2.4, "picture": 2.1}
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,19 +99,19 @@ def fitted(views: Sequence[View], width: float) -> list[View]:
     """Return views with the picture sizes at which their rows fill a figure's width [mm], at most."""
     rows = _rows(views, width)
     widest = max(sum(view.size[0] for view in row) for row in rows) / DOTS_PER_INCH
-    scale = min(1.0, (width / INCH - _GAP * (len(rows[0]) + 1)) / widest)
+    scale = min(1.0, (width / INCH - INCHES["gap"] * (len(rows[0]) + 1)) / widest)
     return [replace(view, area=view.area * scale**2) for view in views]
 
 
 def _rows(items: Sequence[Any], width: float) -> list[Sequence[Any]]:
     """Return items in balanced rows in a width [mm]."""
-    columns = math.ceil(len(items) / math.ceil(len(items) / max(1, int(width / INCH / _LEAST))))
+    columns = math.ceil(len(items) / math.ceil(len(items) / max(1, int(width / INCH / INCHES["panel"]))))
     return [items[i : i + columns] for i in range(0, len(items), columns)]
 
 
 def sheet(panels: Sequence[Panel], title: str, units: str, width: float, *, bottom: float = 0.45) -> Figure:
     """Return a figure of panels in rows, with room at the bottom [inches]."""
-    rows, wide = _rows(panels, width), width / INCH
+    rows, wide, gap = _rows(panels, width), width / INCH, INCHES["gap"]
     titles = [fill(panel.title, letters_in(panel.inches[0])) for panel in panels]
     header = 0.06 + 0.14 * max(words.count("\n") + 1 for words in titles)  # inches
     top = 0.25 if title else 0.0
@@ -119,10 +120,10 @@ def sheet(panels: Sequence[Panel], title: str, units: str, width: float, *, bott
     figure = blank_figure(wide, height, title=title)
     y = height - top
     for row, row_height in zip(rows, heights, strict=True):
-        x = (wide - sum(p.inches[0] + _GAP for p in row) + _GAP) / 2.0
+        x = (wide - sum(p.inches[0] + gap for p in row) + gap) / 2.0
         for panel in row:
             panel.add_to(figure, (x, y - header - panel.inches[1]), units)
-            x += panel.inches[0] + _GAP
+            x += panel.inches[0] + gap
         y -= row_height
     return figure
 

@@ -103,33 +103,31 @@ def _shown(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-#: Width and height of a curve [pixels].
-_SIZE = (220, 50)
+def svg_curve(x: Floats, y: Floats, x_unit: str, size: tuple[int, int] = (220, 50)) -> dict[str, Any]:
+    """Return a curve [mm] with zero line and numbers at the ends for SVG, without outliers as at jumps.
 
-
-def svg_curve(x: Floats, y: Floats, x_unit: str) -> dict[str, Any]:
-    """Return a curve [mm] with zero line and numbers at the ends for SVG, without outliers as at jumps."""
+    ``size`` is the width and height [pixels].
+    """
     low, high = np.clip(np.percentile(y, [2.0, 98.0]), [-np.inf, 0.0], [0.0, np.inf])
-    width, height = _SIZE
+    width, height = size
     across = width * (x - x[0]) / np.ptp(x)
     up, zero = height * (high - np.array([np.clip(y, low, high), 0.0 * y])) / ((high - low) or 1.0)
     points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across, up, strict=True))
     labels = [(-4, 9, "end", f"{high:.0f} mm"), (-4, height, "end", f"{low:.0f}")]
     labels += [(0, height + 13, "start", f"{x[0]:.4g}"), (width, height + 13, "end", f"{x[-1]:.4g} {x_unit}")]
-    return {"size": _SIZE, "points": points, "zero": f"{zero[0]:.1f}", "labels": labels}
+    return {"size": size, "points": points, "zero": f"{zero[0]:.1f}", "labels": labels}
 
 
-#: Number of muscles above which the cards are collapsed.
-MANY = 6
+def page_of(run: Result, many: int = 6) -> str:
+    """Return the page of a run as text. The page needs no external resources.
 
-
-def page_of(run: Result) -> str:
-    """Return the page of a run as text. The page needs no external resources."""
+    ``many`` is the number of muscles above which the cards are collapsed.
+    """
     report, pack = run.report, Pack()
     return rendered(
         "report.html",
         run=run,
-        many=MANY,
+        many=many,
         span=[number(run.times[0]), number(run.times[-1])],
         angles=ANGLES,
         quantities=QUANTITIES,

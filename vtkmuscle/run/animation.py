@@ -26,17 +26,15 @@ from vtkmuscle.run.table import optional_package
 
 #: Suffixes of USD, binary or as text.
 SUFFIXES = (".usd", ".usdc", ".usda")
-#: Diameter of a fibre, as a part of the fibres' mean length.
-WIDTH = 0.01
-
 
 _COLOURS = "Colours"
 
 
-def write_usd(result: ResultData, path: Path, *, tubes: bool) -> None:
+def write_usd(result: ResultData, path: Path, *, tubes: bool, width: float = 0.01) -> None:
     """Write bones, muscles and fibres of a run to a file of USD; see :meth:`vtkmuscle.Result.write_usd`.
 
-    Bones have moving transforms, and muscles moving points.
+    Bones have moving transforms, and muscles moving points. ``width`` is the diameter of a fibre, as a part
+    of the fibres' mean length.
     """
     check_format(path)
     with TemporaryDirectory() as folder, replacing(path) as new:
@@ -58,7 +56,7 @@ def write_usd(result: ResultData, path: Path, *, tubes: bool) -> None:
                 strains, limit = strains_of(rest, [each.lengths for each in lines])
                 colours = [strain_colours(strain, limit) / 255.0 for strain in strains]
                 draw = stage.tubes if tubes else stage.curves
-                draw(name, lines, colours, WIDTH * float(rest.mean()))
+                draw(name, lines, colours, width * float(rest.mean()))
         stage.save()
         shutil.copyfile(drawn, new)
 

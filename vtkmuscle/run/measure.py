@@ -19,7 +19,7 @@ from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, triangles_of
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.muscle_geometry import outward_tree
-from vtkmuscle.run.verdict import BEYOND, LONGEST, SHORTEST
+from vtkmuscle.run.verdict import CHECKS
 
 #: An edge is folded back where its triangles are within 30 degrees of lying on each other; it counts where it
 #: was at least 60 degrees off that at rest [degrees between their normals].
@@ -82,7 +82,7 @@ class MuscleMeasure:
             held[self._fixed_to == i] = apply_transform(now[bone], self._rest[self._fixed_to == i])
         sides = surfaces.side_products(points, self._triangles)
         least, greatest, areas = surfaces.triangle_stretches(self._sides, sides)
-        misshapen = (greatest > BEYOND * LONGEST) | (least < SHORTEST / BEYOND)
+        misshapen = (greatest > CHECKS["long fibres"].failed) | (least < CHECKS["short fibres"].failed)
         angles, _ = dihedral_angles(points, self._quads)
         folded = self._unfolded & (np.abs(angles) > np.radians(FOLDED))
         depths, rest = self._depths_of_free(points, now), self._rest_depths

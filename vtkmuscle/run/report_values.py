@@ -55,7 +55,7 @@ def architecture_of(
     surface = geometry.points, geometry.triangles
     volume = abs(signed_volume(*surface))
     profile = of_fibres.area_profile(*surface, geometry.samples(SAMPLES), lines.points, lines.offsets)
-    shares = of_fibres.TENDON_AREA, *of_fibres.TENDON_AREAS
+    shares = of_fibres.TENDON_AREAS
     own, *ends = of_fibres.fascicles(profile, volume, lines.points, lines.offsets, shares=shares)
     whole = lines.lengths
     source, lengths, by_thickness = "estimate", own.lengths, own.lengths.mean()

@@ -46,10 +46,6 @@ class Check:
 #: The checks by name: the limits, with the reasons for them, are in the file.
 CHECKS = {name: Check(**row) for name, row in toml_table("vtkmuscle.run", "checks.toml").items()}
 
-#: Ratios of length that a fibre may have, and how far beyond them no fibre survives.
-SHORTEST, LONGEST = CHECKS["short fibres"].look, CHECKS["long fibres"].look
-BEYOND = 1.5
-
 OK, LOOK, FAILED = "ok", "look", "failed"
 #: Verdicts, the better one first.
 VERDICTS = (OK, LOOK, FAILED)

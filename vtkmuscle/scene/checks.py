@@ -12,7 +12,7 @@ from vtkmodules.vtkFiltersCore import vtkReverseSense
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.solids import closed_shells
-from vtkmuscle.core.mesh.surface import signed_volume, survey
+from vtkmuscle.core.mesh.surface import MOST_REPAIRED, signed_volume, survey
 from vtkmuscle.core.paths.via_rings import passes_through, via_ring
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, output_of, points_of, surface_from
@@ -24,9 +24,6 @@ from vtkmuscle.scene.writing import tables_of
 
 #: Largest coordinate: files have single precision.
 _LARGEST = float(np.finfo(np.float32).max)
-#: Largest part of a repaired surface in holes, and of its volume in lost parts. A ball loses three times the
-#: square of the part to a flat cap: 0.03 % of the volume.
-MOST_REPAIRED = 0.01
 
 
 def checked(scene: SceneData) -> dict[str, Muscle]:

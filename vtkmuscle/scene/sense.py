@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator, Mapping
-from itertools import combinations, permutations, product
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -137,13 +137,15 @@ def _guessed(scene: SceneData) -> Iterator[Finding]:
 
 def _twice(kind: str, bodies: Mapping[str, Bone]) -> Iterator[Finding]:
     """Yield muscles or bones that lie in one another."""
-    for (name, body), (other, around) in permutations(bodies.items(), 2):
-        if (np.maximum(body.box[0], around.box[0]) >= np.minimum(body.box[1], around.box[1])).any():
-            continue
-        samples = samples_inside(body.solids.inside, body.points, CHECKS["twice"]["samples"])
-        share = np.count_nonzero(around.solids.inside(samples)) / max(len(samples), 1)
-        if share > CHECKS["twice"]["share"]:
-            yield _finding("twice", f"{kind}s.{name}.surface", share=share, other=other, kind=kind)
+    for pair in combinations(bodies.items(), 2):
+        for (name, body), (other, around) in (pair, pair[::-1]):
+            if (np.maximum(body.box[0], around.box[0]) >= np.minimum(body.box[1], around.box[1])).any():
+                break
+            samples = samples_inside(body.solids.inside, body.points, CHECKS["twice"]["samples"])
+            share = np.count_nonzero(around.solids.inside(samples)) / max(len(samples), 1)
+            if share > CHECKS["twice"]["share"]:
+                yield _finding("twice", f"{kind}s.{name}.surface", share=share, other=other, kind=kind)
+                break
 
 
 def _scale(muscle: RestSurface, millimetres: float) -> float:

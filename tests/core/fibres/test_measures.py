@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from vtkmuscle.core.fibres.measures import (
-    TENDON_AREA,
+    TENDON_AREAS,
     AreaProfile,
     along,
     area_profile,
@@ -202,10 +202,10 @@ def test_tendons_are_told_from_the_belly(rng, shape):
     (surface, triangles), samples, volumes, points, offsets = spindle(rng)
     surface, samples, points = shape(surface), shape(samples), shape(points)
     profile = area_profile(surface, triangles, samples, points, offsets)
-    low, high = profile.muscle_between(TENDON_AREA)
+    low, high = profile.muscle_between(TENDON_AREAS[0])
     assert high - low == pytest.approx(80.0, abs=5.0)
     assert profile.areas.max() == pytest.approx(np.pi * BELLY**2, rel=0.1)
-    (found,) = fascicles(profile, volumes.sum(), points, offsets, shares=[TENDON_AREA])
+    (found,) = fascicles(profile, volumes.sum(), points, offsets, shares=[TENDON_AREAS[0]])
     assert found.volume == pytest.approx(volumes[1], rel=0.02)
     assert found.lengths.mean() == pytest.approx(80.0, abs=5.0)
 

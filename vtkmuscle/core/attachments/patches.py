@@ -60,9 +60,9 @@ def geodesic_curve(points: Floats, edges: Ints, vertices: Ints, *, closed: bool)
     return np.array(curve, dtype=np.int64)
 
 
-#: Largest distance of a landmark from its muscle, as a part of the muscle's diagonal: finds wrong units, of a
-#: factor of ten or more.
-FARTHEST_LANDMARK = 0.2
+#: Largest distance of a landmark or an aponeurosis from its muscle, as a part of the muscle's diagonal: finds
+#: wrong units, of a factor of ten or more.
+FARTHEST = 0.2
 #: Share of the surface below which the smaller side of a ring is certainly its inside: the rest of a muscle
 #: that lies on its bone is as near.
 CLEAR_SHARE = 0.2
@@ -126,7 +126,7 @@ def _nearest_vertices(
     tree = cKDTree(points[used])
     offsets, nearest = tree.query(landmarks)
     diagonal = float(np.linalg.norm(np.ptp(points[used], axis=0)))
-    limit = max(FARTHEST_LANDMARK * diagonal, lengths[0])
+    limit = max(FARTHEST * diagonal, lengths[0])
     worst = int(np.argmax(offsets))
     if offsets[worst] > limit:
         problem = f"landmark {worst} is {offsets[worst]:.4g} from the muscle, of size {diagonal:.4g}"

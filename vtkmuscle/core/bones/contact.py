@@ -13,10 +13,7 @@ from vtkmuscle.core.bones.lookup import STEEPEST, Field, distance_and_normal, di
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
-from vtkmuscle.core.types import SAME, Bools, Floats
-
-#: Most steps of a push; far more than a convergent push takes.
-MOST_PUSHES = 20
+from vtkmuscle.core.types import MOST_ROUNDS, SAME, Bools, Floats
 
 #: A muscle with more than this part of its free points in a bone at rest is swallowed by it.
 SWALLOWED = 0.9
@@ -196,7 +193,7 @@ def _keep_out(
 @kernel
 def _push_out(field: Field, at: Floats, level: float, normal: Floats) -> None:
     """Move a position (3,) along the gradient to a level, in place; normal : (3,), memory."""
-    for _ in range(MOST_PUSHES):
+    for _ in range(MOST_ROUNDS):
         depth = level - distance_and_normal(field, at, normal)
         if not abs(depth) > 0.5 * SAME * field.cell:
             break

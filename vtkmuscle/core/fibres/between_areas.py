@@ -23,7 +23,7 @@ from vtkmuscle.core.fibres.direction_field import NEIGHBOURS
 from vtkmuscle.core.fibres.measures import SIDES
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.polylines import smooth_polylines
-from vtkmuscle.core.mesh.sampling import PatchSamples, part_means
+from vtkmuscle.core.mesh.sampling import UNEVEN, PatchSamples, part_means
 from vtkmuscle.core.types import FloatMap, Floats, Ints
 
 #: Positions on the smaller area that decide which part of the larger area stays bare. With 64 to 400
@@ -32,9 +32,6 @@ COARSE = 128
 #: Passes in which fibres that leave the muscle are smoothed and put back into it. With 16 fibres of ten
 #: muscles of a hip and a knee, straight otherwise, are shorter by at most 0.5 %, with 4 longer by 0.6 %.
 BENDS = 8
-#: Weight of the middle point in that smoothing, of Kohout et al. 2012, *Muscle Fibres Modelling*, section
-#: 3.4.
-MIDDLE = 4.0
 
 
 class EndSurface(NamedTuple):
@@ -141,14 +138,11 @@ def bend_inside(fibres: Floats, into_muscle: FloatMap) -> Floats:
     """
     offsets = np.arange(len(fibres) + 1) * fibres.shape[1]
     for _ in range(BENDS if len(fibres) else 0):
-        fibres = smooth_polylines(fibres.reshape(-1, 3), offsets, MIDDLE, 1).reshape(fibres.shape)
+        fibres = smooth_polylines(fibres.reshape(-1, 3), offsets).reshape(fibres.shape)
         fibres[:, 1:-1] = into_muscle(fibres[:, 1:-1].reshape(-1, 3)).reshape(len(fibres), -1, 3)
     return fibres
 
 
-#: Largest random extra weight of a position in the axes that divide an area: decides between equal axes. With
-#: 0 to 0.2 mean lengths of fibres in the ten muscles differ by at most 0.06 mm.
-UNEVEN = 0.1
 #: Positions that sample each share of an area: with 8 to 32 mean lengths of fibres in the ten muscles differ
 #: by at most 0.2 mm.
 CANDIDATES = 16

@@ -12,8 +12,8 @@ from vtkmuscle.core.types import SAME, Floats, Ints
 #: Fibres with a weight at a point. For left-out measured tracts (medial gastrocnemius, 395) the median error
 #: is 2.1 degrees with 6 to 16 fibres, 2.2 with 4, 2.7 with the nearest alone.
 NEIGHBOURS = 8
-#: Longest piece of a segment, in fibre spacings; largest number of pieces, about; segments from which the
-#: spacing is measured.
+#: Longest piece of a segment, in fibre spacings: without cuts 400 fibres of two points take 8 times as long;
+#: largest number of pieces, about; segments from which the spacing is measured.
 PIECE, MOST_PIECES, SAMPLES = 4.0, 2**20, 256
 #: Candidate segments of the first search, per neighbour; most positions times segments at once (40 MB).
 CANDIDATES, AT_ONCE = 4, 2**18

@@ -98,9 +98,6 @@ class EmbeddedPoints:
         positions[out] = nearest + (self.gap[out] / distances[far])[:, None] * (positions[out] - nearest)
 
 
-#: Added to the unit diagonal of the correction's equations: means may lie in one plane. A thousandth of the
-#: error that counts as rounding.
-_RIDGE = 1e-12
 #: Halvings from a group to its subgroups.
 HALVINGS = 2
 #: Indices of a sparse matrix.
@@ -254,7 +251,8 @@ def _reproduce_points(weights: csr_array, means: Floats, sizes: Ints, queries: F
     matrices = np.array([[summed(a * b) for a in counts * terms] for b in terms])
     matrices = matrices.transpose(2, 0, 1)
     scales = np.sqrt(np.maximum(np.diagonal(matrices, axis1=1, axis2=2), np.finfo(float).tiny))
-    matrices = matrices / (scales[:, :, None] * scales[:, None]) + _RIDGE * np.eye(4)
+    # Means may lie in one plane.
+    matrices = matrices / (scales[:, :, None] * scales[:, None]) + ROUNDING * np.eye(4)
     target = np.array([1.0, 0.0, 0.0, 0.0])
     missing = (target - summed(weights.data * terms)) / scales
     multipliers = np.linalg.solve(matrices, missing[..., None])[..., 0] / scales

@@ -83,8 +83,6 @@ SIDES = 4
 #: Neighbours meet, without a side, below this part of the median distance at a station. With 0 up to 8 % more
 #: of the neighbours in ten muscles of a hip and a knee seem to cross, with 0.5 up to 6 % fewer.
 MEET = 0.25
-#: Turn between two segments beyond which a fibre is hooked, as it runs back [degrees].
-HOOKED = 90.0
 
 
 class Arrangement(NamedTuple):
@@ -118,7 +116,7 @@ def arrangement(points: Floats, offsets: Ints, samples: Floats, volume: float) -
         near = cKDTree(evenly_spaced(points, offsets, stations).reshape(-1, 3))
         bare = float((near.query(samples)[0] > spacing).mean())
     crossing = max(_crossing(lines, neighbours), _crossing(lines[:, ::-1], neighbours))
-    hooked = float(np.mean([turn.max(initial=0.0) > HOOKED for turn in turns]))
+    hooked = float(np.mean([turn.max(initial=0.0) > 90.0 for turn in turns]))  # where a fibre runs back
     return Arrangement(crossing, hooked, float(np.percentile([turn.sum() for turn in turns], 95.0)), bare)
 
 
@@ -174,11 +172,11 @@ def _crossing(lines: Floats, neighbours: Ints) -> float:
 #: 1988, *Why are mammalian tendons so thick?*, Journal of Zoology 216, 309-324).
 MUSCLE_FOR_TENDON = 34.0
 #: A section with less than this part of the largest area counts as tendon: half way between the areas of
-#: muscle and tendon on a logarithmic scale. The limits lie a quarter of the scale to either side.
-TENDON_AREA = MUSCLE_FOR_TENDON**-0.5
-TENDON_AREAS = (MUSCLE_FOR_TENDON**-0.75, MUSCLE_FOR_TENDON**-0.25)
-#: Points of the medial curve, degree of its polynomial, passes of the fit, number of cross-sections.
-NODES, DEGREE, PASSES, SECTIONS = 17, 2, 8, 40
+#: muscle and tendon on a logarithmic scale; then limits, a quarter of the scale to either side.
+TENDON_AREAS = (MUSCLE_FOR_TENDON**-0.5, MUSCLE_FOR_TENDON**-0.75, MUSCLE_FOR_TENDON**-0.25)
+#: Points of the medial curve, passes of the fit, number of cross-sections. With half and with twice of all
+#: three the angles of fascicles in four muscles of a real hip change by 3 degrees, and lengths by 1 mm.
+NODES, PASSES, SECTIONS = 17, 8, 40
 #: Samples of a fibre along the curve; part of a fascicle that gives the direction of its end.
 POINTS, END = 121, 0.1
 
@@ -249,7 +247,7 @@ def area_profile(surface: Floats, faces: Ints, samples: Floats, points: Floats, 
     for _ in range(PASSES):
         arcs, _ = along(curve, samples)
         nodes = np.linspace(arcs.min(), arcs.max(), NODES)
-        curve = np.column_stack([Polynomial.fit(arcs, x, DEGREE)(nodes) for x in samples.T])
+        curve = np.column_stack([Polynomial.fit(arcs, x, deg=2)(nodes) for x in samples.T])
     arcs, _ = along(curve, surface)
     bounds = np.linspace(arcs.min(), arcs.max(), SECTIONS + 1)
     middles = (bounds[1:] + bounds[:-1]) / 2.0

@@ -61,9 +61,6 @@ OVERLAP = 0.1
 REACH = 0.11
 #: Most cells of the grid along a side: 270 MB of numbers. The ten muscles need fewer.
 FINEST = 256
-#: Cells of the grid along its rows, which are consecutive in memory, for each cell across. With 1 the time
-#: and the fibres are the same but for rounding.
-ALONG_ROWS = 2
 
 
 class Cloud(NamedTuple):
@@ -96,9 +93,9 @@ def steps_to_centres(points: Floats, offsets: Ints, within: Cloud) -> Floats:
     extent, step = high - low, length / (len(lines) * (STATIONS - 1))
     spacing = max(float(np.sqrt(within.volume / max(length, 1e-300))), 1e-300)  # between fibres
     pieces = int(np.clip(np.ceil(2.0 * step / spacing), 1, PIECES))
-    scales = np.array([1.0, 1.0, ALONG_ROWS]) / max(spacing, float(extent.max()) / FINEST)
-    shape = (extent * scales).astype(np.int64) + 1
-    pulls, weights = _pulls(lines, pieces, within, (low, scales, shape), max(OVERLAP * spacing**2, 1e-300))
+    scale = 1.0 / max(spacing, float(extent.max()) / FINEST)
+    shape = (extent * scale).astype(np.int64) + 1
+    pulls, weights = _pulls(lines, pieces, within, (low, scale, shape), max(OVERLAP * spacing**2, 1e-300))
     wide = spacing / max(step, 1e-300)
     blur = _blur(int(np.clip(2.0 * wide**2, LEAST_BLUR, 2 * STATIONS**2)))
     return _between(points, offsets, _across(lines, pulls, weights, blur))
@@ -150,47 +147,45 @@ def _square_to(nodes: Floats, i: int, x: float, y: float, z: float) -> float:
 
 
 def _pulls(
-    lines: Floats, pieces: int, within: Cloud, grid: tuple[Floats, Floats, Ints], band: float
+    lines: Floats, pieces: int, within: Cloud, grid: tuple[Floats, float, Ints], band: float
 ) -> tuple[Floats, Floats]:
     """Return summed offsets and numbers of samples in cells. Offsets (k, STATIONS, 3).
 
     Nodes within a band of the least squared distance [mm^2] share a sample; the share falls to 0 at the end
-    of the band. The grid is its corner (3,), its scales (3,) [1/mm], and its shape.
+    of the band. The grid is its corner (3,), its scale [1/mm], and its shape.
     """
-    low, scales, shape = grid
+    low, scale, shape = grid
     share = (np.arange(pieces) / pieces)[:, None]
     between = (1.0 - share) * lines[:, :-1, None] + share * lines[:, 1:, None]
     nodes = np.concatenate([between.reshape(len(lines), -1, 3), lines[:, -1:]], axis=1).reshape(-1, 3)
     stations = np.append(np.repeat(np.arange(STATIONS - 1), pieces), STATIONS - 2)
     station_of = (np.arange(len(lines))[:, None] * STATIONS + stations).reshape(-1)
-    cells = np.minimum(((nodes - low) * scales).astype(np.int64), shape - 1)
+    cells = np.minimum(((nodes - low) * scale).astype(np.int64), shape - 1)
     order, offsets = sorted_into_bins(np.ravel_multi_index(tuple(cells.T), tuple(shape)), int(shape.prod()))
     pulls, weights = np.zeros((len(lines) * STATIONS, 3)), np.zeros(len(lines) * STATIONS)
     memory = np.empty(len(nodes) + 1, dtype=np.int64), np.empty(len(nodes) + 1)
-    bins = nodes[order], station_of[order], offsets, low, scales, shape
+    bins = nodes[order], station_of[order], offsets, low, scale, shape
     _pull(lines.reshape(-1, 3), within.samples, bins, band, *memory, pulls, weights)
     return pulls.reshape(lines.shape), weights.reshape(lines.shape[:2])
 
 
 @kernel
 def _pull(
-    stations: Floats, samples: Floats, grid: tuple[Floats, Ints, Ints, Floats, Floats, Ints], band: float,
+    stations: Floats, samples: Floats, grid: tuple[Floats, Ints, Ints, Floats, float, Ints], band: float,
     candidates: Ints, squares: Floats, pulls: Floats, weights: Floats,
 ) -> None:  # fmt: skip
     """Add to the results of :func:`_pulls`; candidates, squares : memory."""
-    nodes, station_of, offsets, low, scales, shape = grid
+    nodes, station_of, offsets, low, scale, shape = grid
     lx, ly, lz = low[0], low[1], low[2]
     nx, ny, nz = shape[0], shape[1], shape[2]
-    across, along_rows = scales[0], scales[2]
     nearest = 0  # the node nearest to the sample before bounds the search
     for number in range(len(samples)):
         x, y, z = samples[number, 0], samples[number, 1], samples[number, 2]
         farthest = _square_to(nodes, nearest, x, y, z) * (1.0 + 1e-9) + band
         reach = np.sqrt(farthest)
-        first = max(int((z - reach - lz) * along_rows), 0)
-        last = min(int((z + reach - lz) * along_rows), nz - 1)
-        bottom, top = max(int((y - reach - ly) * across), 0), min(int((y + reach - ly) * across), ny - 1)
-        left, right = max(int((x - reach - lx) * across), 0), min(int((x + reach - lx) * across), nx - 1)
+        first, last = max(int((z - reach - lz) * scale), 0), min(int((z + reach - lz) * scale), nz - 1)
+        bottom, top = max(int((y - reach - ly) * scale), 0), min(int((y + reach - ly) * scale), ny - 1)
+        left, right = max(int((x - reach - lx) * scale), 0), min(int((x + reach - lx) * scale), nx - 1)
         count = 0
         for i in range(left, right + 1):
             for j in range(bottom, top + 1):

@@ -24,9 +24,6 @@ from vtkmuscle.core.types import Bools, FloatMap, Floats, Ints
 #: Largest turn from a fibre into its new end segment [degrees]. For ten muscles of a hip and a knee 45 moves
 #: the points by up to 7 mm (root mean square), 90 by up to 4 mm.
 LARGEST_TURN = 60.0
-#: Turn up to which a cut is accepted at once [degrees]: half of the largest. 0 and 60 move points by 0.6 and
-#: 1.5 mm at most.
-EASY_TURN = 30.0
 #: Multiples of the cut at the plane, in the order of trial: from the plane outwards to no cut. The first
 #: alone moves points by up to 1.9 mm.
 CUTS = (1.0, 0.8, 1.2, 0.6, 1.4, 0.4, 1.7, 0.2, 2.0, 0.0)
@@ -168,7 +165,7 @@ def _best_cut(departures: Floats, rays: Floats, ends: Floats, into: FloatMap, to
         better = badness < least[open_]
         levels[open_[better]] = level
         least[open_[better]] = badness[better]
-        open_ = open_[(departure > 1.0) | (turns > EASY_TURN)]
+        open_ = open_[(departure > 1.0) | (turns > LARGEST_TURN / 2.0)]
     return levels
 
 

@@ -18,11 +18,11 @@ def polyline_lengths(points: Floats, offsets: Ints) -> Floats:
 CORNER = 0.5 * 3.0**0.5
 
 
-def smooth_polylines(points: Floats, offsets: Ints, k: float, iterations: int) -> Floats:
+def smooth_polylines(points: Floats, offsets: Ints, k: float = 4.0, iterations: int = 1) -> Floats:
     """Return smoothed polylines, end points kept.
 
     p'_i = (p_{i-1} + k p_i + p_{i+1}) / (k + 2), all points of a pass at once: Kohout et al. 2012, *Muscle
-    Fibres Modelling*, section 3.4. Points (n, 3) may be rows of other values; the weight k is >= 0.
+    Fibres Modelling*, section 3.4, with k = 4. Points (n, 3) may be rows of other values; k is >= 0.
     """
     result, i = points.copy(), inner_points(offsets)
     for _ in range(iterations):

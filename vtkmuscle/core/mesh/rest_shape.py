@@ -11,7 +11,7 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import lane, vector_kernel
 from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, edge_lengths
-from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
+from vtkmuscle.core.types import MOST_ROUNDS, ROUNDING, Bools, Floats, Ints
 
 #: Largest height of a sliver, as a part of its length: a displacement as small turns the triangle over. A
 #: ring as flat encloses nothing.
@@ -188,10 +188,6 @@ class RestShape:
         return ShapeReport(volume / self.volume, *stretches, turned, len(defined) - len(turns))
 
 
-#: Times that bones and volume are attended to in turn at the end, at most.
-LAST_PASSES = 30
-
-
 class Volume:
     """Restores the volume of a muscle.
 
@@ -214,7 +210,7 @@ class Volume:
     def finish(self, points: Floats, keep_out: Callable[[Floats], Bools]) -> Bools:
         """Take points out of the bones. Others give back the volume; return the held points."""
         held = np.zeros(len(points), dtype=np.bool_)
-        for _ in range(LAST_PASSES):
+        for _ in range(MOST_ROUNDS):
             new = keep_out(points) & ~held
             held |= new
             off = self.restore(points, held)

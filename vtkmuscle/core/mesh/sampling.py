@@ -19,8 +19,9 @@ MOST_BLOCKS = 512
 #: Positions of a column. With 8 the points of fibres in ten muscles of a hip and a knee move by 0.6 to 1.6 mm
 #: (root mean square).
 LAYERS = 16
-#: Spread of the points' weights in the axes of a body or bone: decides between axes of equal length, far
-#: above rounding, without turning other axes: the points of fibres in ten muscles move by at most 0.03 mm.
+#: Spread of the points' weights in the axes of a body, bone or area: decides between axes of equal length,
+#: far above rounding, without turning other axes: points of fibres in ten muscles move by at most 0.03 mm.
+#: With 0.1 in the axes of areas lengths of fibres differ by at most 0.007 mm.
 UNEVEN = 1e-3
 #: Powers of the root 1 / g, g^3 = g + 1: remainders of their multiples fill a square evenly, for any number
 #: (Roberts 2018, *The unreasonable effectiveness of quasirandom sequences*). As a direction they are generic:

@@ -130,10 +130,8 @@ class MotionTwists:
         return result
 
 
-#: Largest rotation of a bone between equal poses [degrees], plus a part of the rotation between frames, as
-#: poses between frames are interpolated. Without the part a hip, a knee and an arm have the same results.
+#: Largest rotation of a bone between equal poses [degrees].
 SAME_POSE = 1.0
-SAME_POSE_PART = 0.1
 
 
 def frames_of_sweep(motion: RigidMotion, coordinate: str) -> Bools:
@@ -161,7 +159,7 @@ def _conflicts(values: Floats, rotations: Rotation) -> Iterator[tuple[int, int]]
         between = order[np.searchsorted(ascending, low, "left") : np.searchsorted(ascending, high, "right")]
         between = between[(between != i) & (between != i + 1)]
         step = (rotations[i].inv() * rotations[i + 1]).as_rotvec()
-        allowed = np.radians(SAME_POSE) + SAME_POSE_PART * np.linalg.norm(step)
+        allowed = np.radians(SAME_POSE)
         if low == high and np.linalg.norm(step) > allowed:
             yield i, i + 1
         if len(between):

@@ -17,13 +17,17 @@ from vtkmuscle.core.morphing.correspondence import LoopStack, SectionMap, sectio
 from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
 from vtkmuscle.core.types import ROUNDING, SAME, Floats, Ints
 
-#: Heights of slices are multiples of this part of the box's length, between rounding and `ROUNDING`.
+#: Heights of slices are multiples of this part of the box's length, between rounding and `ROUNDING`. Without
+#: it lengths of paths in a knee and an elbow change by up to 0.2 mm, by 3.5 mm in a supraspinatus that does
+#: not settle: rounding chooses another course.
 GRAIN = 1e-12
 #: Parallel planes do not suit a muscle whose course exceeds an angle to the box's axis [degrees] over more
 #: than a share of its length, or whose main branch has less than a share of the volume.
 LARGEST_STEEP_SHARE, STEEP, LEAST_SHARE = 0.15, 45.0, 0.8
 #: Guiding sections at fixed heights, between which starts are interpolated: their number, and the distance of
-#: the first and last from the ends, as a part of the length.
+#: the first and last from the ends, as a part of the length. With 0.015 single fibres of a hip take other
+#: courses, with lengths that differ by up to 32 mm; mean lengths of fascicles differ by at most 0.1 mm. As
+#: many isolines measure a muscle's course: with 65 and 129 the same for eight of ten muscles.
 N_GUIDES, GUIDE_MARGIN = 33, 0.02
 
 

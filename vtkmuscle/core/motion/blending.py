@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.core.types import ROUNDING, SAME, Bools, Floats, Ints
 
 #: Least norm of a blended quaternion, as a divisor.
 EPSILON = float(np.finfo(np.float64).eps)
@@ -97,13 +97,6 @@ def screws(motions: Floats) -> Floats:
     return np.hstack([slides, turns])
 
 
-#: Least determinant for Newton's method, as a part of the determinant of an equally large rotation: below,
-#: the inverse has fewer than ten digits.
-_NEWTON_FROM = 1e-6
-#: Square of the last step: convergence is quadratic, so the next step is rounding.
-_LAST_STEP2 = 1e-17
-
-
 def nearest_rotations(matrices: Floats) -> Floats:
     """Return the rotation R of largest tr(R^T M) for each matrix M (n, 3, 3), the identity for zero."""
     rotations, converged = matrices.copy(), np.zeros(len(matrices), dtype=np.bool_)
@@ -134,7 +127,8 @@ def _by_newton(matrices: Floats, y: Floats, converged: Bools) -> None:
                     size2 += x[i, j] * x[i, j]
                     other2 += y[i, j] * y[i, j]
             determinant = x[0, 0] * y[0, 0] + x[0, 1] * y[0, 1] + x[0, 2] * y[0, 2]
-            if not determinant > _NEWTON_FROM * (size2 / 3.0) * np.sqrt(size2 / 3.0):
+            # Beside an equally large rotation's: below, the inverse has fewer than ten digits.
+            if not determinant > SAME * (size2 / 3.0) * np.sqrt(size2 / 3.0):
                 break
             scale = np.sqrt(np.sqrt(other2 / size2) / determinant)
             m, n, step2 = 0.5 * scale, 0.5 / (determinant * scale), 0.0
@@ -143,7 +137,7 @@ def _by_newton(matrices: Floats, y: Floats, converged: Bools) -> None:
                     value = m * x[i, j] + n * y[i, j]
                     step2 += (value - x[i, j]) ** 2
                     x[i, j] = value
-            converged[k] = step2 <= _LAST_STEP2
+            converged[k] = step2 <= ROUNDING * ROUNDING  # quadratic convergence: the next step is smaller yet
 
 
 def origin_weights(offsets: Ints, a: float) -> Floats:

@@ -15,14 +15,16 @@ from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.types import SAME, Floats, Ints
 
 #: The thickness of the tissue between a fibre and a bone is smoothed along the fibre by a Gaussian of this
-#: standard deviation, as a part of its length.
+#: standard deviation, as a part of its length. With half and twice of it mean moment arms of a hip change by
+#: 0.9 and 1.9 mm at most.
 THICKNESS_SMOOTHING = 1.0 / 32.0
 
 #: A path keeps from a bone no more than this many thicknesses of the muscle: 2 V / A is a sheet's whole
 #: thickness, and half of a rod's. More is muscle beside the path, which does not come between.
 LARGEST_STANDOFF = 1.5
 
-#: Width of the bundle whose bow tissue outside of the muscle holds, in thicknesses of the muscle.
+#: Width of the bundle whose bow tissue outside of the muscle holds, in thicknesses of the muscle. With half
+#: and twice of it mean moment arms of a hip change by 1.1 mm at most.
 BUNDLE = 2.0
 
 #: A bone is ahead of a fibre, not beside it, where the sine between the fibre and the direction to the bone

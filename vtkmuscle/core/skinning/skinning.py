@@ -18,19 +18,17 @@ from vtkmuscle.core.paths.surroundings import directions_along
 from vtkmuscle.core.types import ROUNDING, Floats, Ints
 
 #: Paths that take a point of the surface along, at most: those of the nearest points of paths, of which so
-#: many are looked at.
+#: many are looked at. With 12 lengths of single fibres in four muscles of a real hip change by up to 0.8 mm.
 CARRIERS, LOOKED_AT = 8, 64
 #: Paths beside one whose points turn with its own, with it, and the weights of their points so many before to
-#: so many behind: a binomial, as wide as a cubic B-spline.
+#: so many behind: a binomial, as wide as a cubic B-spline. With 8 beside lengths of single fibres in the four
+#: muscles change by up to 0.4 mm.
 BESIDE, WINDOW = 12, (1.0, 4.0, 6.0, 4.0, 1.0)
 #: Weights of a cubic B-spline's four nodes (columns), by powers of the place between the middle two (rows).
 CUBIC = np.array([(1, 4, 1, 0), (-3, 0, 3, 0), (3, -6, 3, 0), (-1, 3, -3, 1)]) / 6.0
 #: How much of a turn comes from the bones: it decides where paths do not, as all of them are on a line.
 #: Without it fibres of four muscles of a real hip change by 0.04 to 0.6 mm.
 FROM_BONES = 0.02
-#: Distances below this part of the muscle's thickness are the same; with 1e-9 fibres of four muscles of a
-#: real hip change by less than 1e-6 mm.
-LEAST_APART = 1e-3
 
 
 class SkinningWeights(NamedTuple):
@@ -74,7 +72,7 @@ class Skinning:
         self._rest: Floats = paths.reshape(-1, 3)
         self._arms = self._rest - self._rest.mean(axis=0)
         self._tangents: Floats = directions_along(paths).reshape(-1, 3)
-        least = LEAST_APART * thickness
+        least = ROUNDING * thickness
         count = min(BESIDE, f)
         adjacent, parts = np.empty((f, n, count), dtype=np.int64), np.empty((f, n, count))
         for i in range(n):
