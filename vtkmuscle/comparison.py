@@ -19,6 +19,7 @@ from vtkmuscle.core.words import quoted
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, literature_of, side_apart
 from vtkmuscle.run import Result, Table
 from vtkmuscle.run.result_data import UNNAMED
+from vtkmuscle.scenes import Scene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -187,7 +188,7 @@ def compare(
 
 def _named(results: Sequence[Result | str | PathLike[str]]) -> dict[str, Result]:
     named: dict[str, Result] = {}
-    for run in results if isinstance(results, Sequence) and not isinstance(results, str) else [results]:
+    for run in [results] if isinstance(results, Result | Scene | str | PathLike) else results:
         if not isinstance(run, Result | str | PathLike):
             raise TypeError(f"compare takes results or their folders, not {quoted(run)}; run a scene first")
         result = run if isinstance(run, Result) else Result.load(run)

@@ -1,4 +1,8 @@
-from .fibre_table import muscle_summary as muscle_summary
+from .fibre_table import (
+    febio_axes as febio_axes,
+    muscle_summary as muscle_summary,
+    write_fibre_table as write_fibre_table,
+)
 from .landmarks import (
     read_aponeurosis as read_aponeurosis,
     read_landmarks as read_landmarks,
