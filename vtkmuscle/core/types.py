@@ -18,6 +18,9 @@ Progress = Callable[[float], None]
 SAME = 1e-6
 #: Part of a size below which a difference is rounding: of 16 digits a computation loses up to seven.
 ROUNDING = 1e-9
+#: Part of a size between the rounding of a number and :data:`ROUNDING`: a grid of positions that rounding
+#: does not tell apart, and what keeps equations of flat sets of points from being singular.
+GRAIN = 1e-12
 #: Rounds of a loop that ends by itself, at most: 5 to 10 are common.
 MOST_ROUNDS = 30
 

@@ -14,7 +14,8 @@ from vtkmuscle.data.attachments import ROLES, Areas
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
-#: Sample positions in the muscle for spreading: per fibre, and in total at least.
+#: Sample positions in the muscle for spreading: per fibre, and in total at least. By 64 a single fibre in a
+#: ball of 10 mm is led 2.3 mm off the middle, by 1024 to 4096 0.6 mm.
 SAMPLES, LEAST_SAMPLES = 64, 2048
 #: ``spreading`` of fibres that fill the muscle: the step with the fewest passes to even spacing.
 SPREADING = 1.5

@@ -15,7 +15,8 @@ from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.types import MOST_ROUNDS, SAME, Bools, Floats
 
-#: A muscle with more than this part of its free points in a bone at rest is swallowed by it.
+#: A muscle with more than this part of its free points in a bone at rest is swallowed by it: 14 muscles of
+#: a hip, a knee and an arm have at most 0.17.
 SWALLOWED = 0.9
 
 

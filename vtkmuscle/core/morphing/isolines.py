@@ -17,7 +17,7 @@ from vtkmuscle.core.mesh.surface import NOISE
 from vtkmuscle.core.morphing import slices
 from vtkmuscle.core.morphing.correspondence import N_STARTS, LoopStack, cyclic_products, sampled_loop
 from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
-from vtkmuscle.core.types import ROUNDING, FloatMap, Floats, Ints
+from vtkmuscle.core.types import GRAIN, ROUNDING, FloatMap, Floats, Ints
 
 #: Classes of function values for the mean gradient. With 1024 mean lengths of fibres differ by at most 1 mm
 #: in eight of ten muscles of a hip and a knee, by 19 and 23 mm in two with estimated areas.
@@ -97,7 +97,7 @@ def morph_by_isolines(
     inside = box.coordinates(points)
     fractions = np.clip(inside[:, 2] / box.length, 0.0, 1.0)
     tolerance = max(slicing.slice_tolerance / box.length, ROUNDING)
-    levels, slice_of = slices.shared_levels(fractions, tolerance, slices.GRAIN)
+    levels, slice_of = slices.shared_levels(fractions, tolerance, GRAIN)
     levels = course.begin + levels * course.span
     heights = course.begin + fractions * course.span
     guides = course.begin + slices.guide_levels(course.span)

@@ -15,12 +15,8 @@ from vtkmuscle.core.mesh.surface import sorted_into_bins
 from vtkmuscle.core.morphing import correspondence
 from vtkmuscle.core.morphing.correspondence import LoopStack, SectionMap, section_map
 from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
-from vtkmuscle.core.types import ROUNDING, SAME, Floats, Ints
+from vtkmuscle.core.types import GRAIN, ROUNDING, SAME, Floats, Ints
 
-#: Heights of slices are multiples of this part of the box's length, between rounding and `ROUNDING`. Without
-#: it lengths of paths in a knee and an elbow change by up to 0.2 mm, by 3.5 mm in a supraspinatus that does
-#: not settle: rounding chooses another course.
-GRAIN = 1e-12
 #: Parallel planes do not suit a muscle whose course exceeds an angle to the box's axis [degrees] over more
 #: than a share of its length, or whose main branch has less than a share of the volume.
 LARGEST_STEEP_SHARE, STEEP, LEAST_SHARE = 0.15, 45.0, 0.8
@@ -181,6 +177,7 @@ def morph_by_planes(points: Floats, transform: Floats, muscle: ClosedSurface, sl
     """
     box = Box(transform)
     inside = box.coordinates(points)
+    # Without the grain rounding moves paths of a knee and an elbow: their lengths change by up to 0.2 mm.
     tolerance, grain = max(slicing.slice_tolerance, ROUNDING * box.length), GRAIN * box.length
     course = _PlaneCourse(box.surface(muscle))
     volume_share, steep_share = course.shares()

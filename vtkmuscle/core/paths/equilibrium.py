@@ -22,8 +22,8 @@ STEP_LEFT = 0.1
 #: A step of steepest descent, in gradients: no spring is stiffer than a bone, which is 100 times as stiff.
 STEEPEST = 0.01
 
-#: Iterations of conjugate gradients in a step of Newton's method, at most. With 30 four muscles of a real hip
-#: have the same lengths.
+#: Iterations of conjugate gradients in a step of Newton's method, at most. With 30 lengths in a knee change
+#: by up to 0.2 mm, and moment arms in a pose by 5.6 mm.
 STEPS = 60
 
 
