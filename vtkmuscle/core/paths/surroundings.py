@@ -32,9 +32,6 @@ BUNDLE = 2.0
 #: the limit a supraspinatus does not settle in one of 21 poses.
 LEAST_BESIDE = 0.1
 
-#: Steps of the search for the muscle's surface.
-_STEPS = 30
-
 
 class Surroundings(NamedTuple):
     """The forces that hold paths. By the bone that the forces move with.
@@ -190,12 +187,10 @@ def tissue_between(
     nearest, depth = depth.reshape(-1), depth.reshape(-1).copy()
     inside = depth > SAME * float(np.ptp(at, axis=0).max())
     going = np.flatnonzero(sure & inside)
-    for _ in range(_STEPS):
+    while len(going):
         # No surface is nearer than the depth: go on by that much.
         walked[going] += depth[going]
         going = going[walked[going] < distance[going]]
-        if not len(going):
-            break
         depth[going] = muscle.depth(at[going] + walked[going, None] * aside[going])
         going = going[depth[going] > 1e-4 * walked[going]]
     thickness = np.where(sure, walked, nearest).reshape(shape)
