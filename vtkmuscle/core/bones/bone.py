@@ -163,14 +163,15 @@ class Bone:
         """
         if field.lacking[0] == 0:
             return False
-        notes, shape = field.lacking[2 : 2 + field.lacking[1]], field.nodes.shape
-        around = np.ravel_multi_index(tuple(np.indices((3, 3, 3)).reshape(3, -1)), shape)
+        flat, shape, three = field.nodes.reshape(-1), field.nodes.shape, np.arange(3)
+        around = ((three[:, None] * shape[1] + three)[:, :, None] * shape[2] + three).reshape(-1)
+        notes = field.lacking[2 : 2 + field.lacking[1]]
         numbers = np.append(-1 - notes[notes < 0], notes[notes >= 0, None] + around)
-        nodes = np.unravel_index(np.unique(numbers[field.nodes.reshape(-1)[numbers] == 0.0]), shape)
+        numbers = np.unique(numbers[flat[numbers] == 0.0])
         field.lacking[:2] = 0
-        positions = field.cell * (np.transpose(nodes) + field.low)
+        positions = field.cell * (np.transpose(np.unravel_index(numbers, shape)) + field.low)
         distances = self.solids.distances(apply_transform(self.from_axes, positions))
-        field.nodes[nodes] = np.where(distances == 0.0, np.finfo(np.float64).tiny, distances)  # 0 is unknown
+        flat[numbers] = np.where(distances == 0.0, np.finfo(np.float64).tiny, distances)  # 0 is unknown
         return True
 
     def _nothing(self, reach: float) -> tuple[float, Field]:

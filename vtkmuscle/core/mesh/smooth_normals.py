@@ -32,10 +32,10 @@ def smooth_normals(points: Floats, triangles: Ints, faces: Ints, positions: Floa
 
 @array_kernel
 def surface_angles(points: Floats, triangles: Ints, faces: Ints, feet: Floats, directions: Floats) -> Floats:
-    """Return the angles (k,) of unit directions (k, 3) to a surface at feet (k, 3) on faces (k,) [degrees].
+    """Return the angles (k,) of directions to a surface [degrees].
 
-    On an edge or a corner the angle is the mean over the triangles there, weighted by area: rounding does not
-    decide. The faces have an area.
+    Unit directions (k, 3) begin at feet (k, 3) on faces (k,) with an area. On an edge or a corner the angle
+    is the mean over the triangles there, weighted by area: rounding does not decide.
     """
     rings, angles = _rings(points, triangles), np.empty(len(faces))
     for i in range(len(faces)):
@@ -57,7 +57,7 @@ def surface_angles(points: Floats, triangles: Ints, faces: Ints, feet: Floats, d
 
 @array_kernel
 def _rings(points: Floats, triangles: Ints) -> tuple[Ints, Ints]:
-    """Return the first corner of a triangle at each point, and the next after each corner, -1 for none."""
+    """Return first corners at points, and next corners at their points, -1 for none."""
     corners, following = triangles.reshape(-1), np.empty(triangles.size, np.int64)
     first = np.full(len(points), -1)
     for corner in range(len(corners) - 1, -1, -1):
@@ -77,7 +77,7 @@ def _normal(a: Floats, b: Floats, c: Floats) -> tuple[float, float, float, float
 
 @kernel
 def _share(points: Floats, triangle: Ints, c: int, at: Floats) -> float:
-    """Return a corner's part of a triangle at a position (3,), twice the area opposite of the corner."""
+    """Return a barycentric coordinate of a position (3,), times twice the area."""
     x, y, z, _ = _normal(points[triangle[0]], points[triangle[1]], points[triangle[2]])
     u, v, w, size = _normal(at, points[triangle[(c + 1) % 3]], points[triangle[(c + 2) % 3]])
     return max(size * (x * u + y * v + z * w), 0.0)
