@@ -24,9 +24,9 @@ def smooth_normals(points: Floats, triangles: Ints, faces: Ints, positions: Floa
     more than a crease; within a triangle the normal is linear between corners (Phong 1975,
     doi:10.1145/360825.360839). Positions (k, 3) are on the triangles ``faces`` (k,), with an area.
     """
-    rings, normals = _rings(points, triangles), np.empty((len(faces), 3))
+    fans, normals = _fans(points, triangles), np.empty((len(faces), 3))
     for i in range(len(faces)):
-        normals[i] = _smooth_normal(points, triangles, rings, faces[i], positions[i])
+        normals[i] = _smooth_normal(points, triangles, fans, faces[i], positions[i])
     return normals
 
 
@@ -37,18 +37,18 @@ def surface_angles(points: Floats, triangles: Ints, faces: Ints, feet: Floats, d
     Unit directions (k, 3) begin at feet (k, 3) on faces (k,) with an area. On an edge or a corner the angle
     is the mean over the triangles there, weighted by area: rounding does not decide.
     """
-    rings, angles = _rings(points, triangles), np.empty(len(faces))
+    fans, angles = _fans(points, triangles), np.empty(len(faces))
     for i in range(len(faces)):
         own, at, total, area = triangles[faces[i]], feet[i], 0.0, 0.0
         least = SAME * _normal(points[own[0]], points[own[1]], points[own[2]])[3]
         on = [point for c, point in enumerate(own) if _share(points, own, c, at) > least]
-        corner = rings[0][on[0]]
+        corner = fans[0][on[0]]
         while corner >= 0:
-            face, corner = corner // 3, rings[1][corner]
+            face, corner = corner // 3, fans[1][corner]
             a, b, c = triangles[face]
             size = _normal(points[a], points[b], points[c])[3]
             if [point in (a, b, c) for point in on].count(True) == len(on):
-                u, v, w = _smooth_normal(points, triangles, rings, face, at)
+                u, v, w = _smooth_normal(points, triangles, fans, face, at)
                 sine = abs(u * directions[i, 0] + v * directions[i, 1] + w * directions[i, 2])
                 total, area = total + size * math.degrees(math.asin(min(sine, 1.0))), area + size
         angles[i] = total / area
@@ -56,7 +56,7 @@ def surface_angles(points: Floats, triangles: Ints, faces: Ints, feet: Floats, d
 
 
 @array_kernel
-def _rings(points: Floats, triangles: Ints) -> tuple[Ints, Ints]:
+def _fans(points: Floats, triangles: Ints) -> tuple[Ints, Ints]:
     """Return first corners at points, and next corners at their points, -1 for none."""
     corners, following = triangles.reshape(-1), np.empty(triangles.size, np.int64)
     first = np.full(len(points), -1)
@@ -85,14 +85,14 @@ def _share(points: Floats, triangle: Ints, c: int, at: Floats) -> float:
 
 @kernel
 def _smooth_normal(
-    points: Floats, triangles: Ints, rings: tuple[Ints, Ints], face: int, at: Floats
+    points: Floats, triangles: Ints, fans: tuple[Ints, Ints], face: int, at: Floats
 ) -> tuple[float, float, float]:
     triangle, x, y, z = triangles[face], 0.0, 0.0, 0.0
     p, q, r, _ = _normal(points[triangle[0]], points[triangle[1]], points[triangle[2]])
     for c in range(3):
-        u, v, w, corner = 0.0, 0.0, 0.0, rings[0][triangle[c]]
+        u, v, w, corner = 0.0, 0.0, 0.0, fans[0][triangle[c]]
         while corner >= 0:
-            other, corner = triangles[corner // 3], rings[1][corner]
+            other, corner = triangles[corner // 3], fans[1][corner]
             d, e, f, size = _normal(points[other[0]], points[other[1]], points[other[2]])
             part = size * min(max((d * p + e * q + f * r - _APART) / (_TOGETHER - _APART), 0.0), 1.0)
             u, v, w = u + part * d, v + part * e, w + part * f
