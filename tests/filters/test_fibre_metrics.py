@@ -1,3 +1,5 @@
+import csv
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -8,6 +10,7 @@ from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from vtkmuscle.data.arrays import add_arrays, cell_array, field_array, surface_from
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
+from vtkmuscle.io import write_fibre_table
 from vtkmuscle.phantoms.meshing import box as meshed_box
 
 
@@ -117,3 +120,14 @@ def test_the_architecture_of_a_box_of_parallel_fibres(closed_box):
     assert field_array(measured, "CentroidPath").shape == (21, 3)
     assert_allclose(field_array(measured, "CentroidPath")[:, 0], np.linspace(-50, 50, 21), atol=1e-9)
     assert_allclose(cell_array(measured, "LineAngle", ""), 0, atol=1e-6)
+
+
+def test_the_table_has_a_row_per_fibre_and_a_column_per_measure(tmp_path):
+    fibres = lines_of(np.array([[[0, 0, 0], [3, 0, 0], [3, 4, 0]], [[0, 0, 0], [0, 6, 0], [0, 11, 0.0]]]))
+    with pytest.raises(ValueError, match="run FibreMetrics"):
+        write_fibre_table(fibres, tmp_path / "fibres.csv")
+    measured = FibreMetrics()(fibres)
+    rows = list(csv.DictReader(write_fibre_table(measured, tmp_path / "fibres.csv").read_text().splitlines()))
+    assert set(rows[0]) == {"Length", "Tortuosity"}
+    for name in rows[0]:
+        assert_allclose([float(row[name]) for row in rows], cell_array(measured, name, ""), rtol=1e-9)

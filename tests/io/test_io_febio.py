@@ -13,10 +13,6 @@ def mesh_with(directions):
     return mesh
 
 
-def vector(element, name):
-    return np.array([float(x) for x in element.find(name).text.split(",")])
-
-
 def test_the_first_axis_that_febio_makes_of_them_is_the_fibre(rng):
     """FEBio's FEBioMeshDataSection4: e1 = a, e3 = a x d, e2 = e3 x e1, each made 1 long."""
     directions = np.vstack([np.eye(3), -np.eye(3), rng.normal(size=(50, 3))])
@@ -25,7 +21,7 @@ def test_the_first_axis_that_febio_makes_of_them_is_the_fibre(rng):
     assert (data.tag, data.attrib) == ("ElementData", {"type": "mat_axis", "elem_set": "belly"})
     assert [int(element.get("lid")) for element in data] == list(range(1, 57))
     for element, direction in zip(data, directions, strict=True):
-        a, d = vector(element, "a"), vector(element, "d")
+        a, d = (np.array(element.find(name).text.split(","), dtype=float) for name in "ad")
         e3 = np.cross(a, d)
         axes = np.array([a, np.cross(e3, a), e3])
         axes /= np.linalg.norm(axes, axis=1)[:, None]

@@ -221,7 +221,7 @@ def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Ite
 
 
 def _span(coordinate: JointCoordinate) -> tuple[float, float] | None:
-    """Return the range in which a coordinate moves, None if it is locked or has no range."""
+    """Return the range in which a coordinate moves. None if it is locked or has no range."""
     low, high = coordinate.range or (0.0, 0.0)
     return (low, high) if low < high and not coordinate.locked else None
 

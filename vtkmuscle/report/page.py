@@ -104,7 +104,7 @@ def _shown(value: Any) -> str:
 
 
 def svg_curve(x: Floats, y: Floats, x_unit: str, size: tuple[int, int] = (220, 50)) -> dict[str, Any]:
-    """Return a curve [mm] with zero line and numbers at the ends for SVG, without outliers as at jumps.
+    """Return a curve [mm] for SVG. With zero line and numbers at the ends; without outliers as at jumps.
 
     ``size`` is the width and height [pixels].
     """

@@ -29,8 +29,7 @@ def test_on_an_edge_both_triangles_give_the_same():
     assert len(beside) == 2
     one, two = smooth_normals(points, triangles, beside, np.tile(edge, (2, 1)))
     assert one == pytest.approx(two, abs=1e-12)
-    flat = triangle_normals(points, triangles[beside])
-    flat /= np.linalg.norm(flat, axis=1)[:, None]
+    flat = unit_vectors(triangle_normals(points, triangles[beside]))
     assert np.degrees(np.arccos(flat[0] @ flat[1])) > 5.0
 
 

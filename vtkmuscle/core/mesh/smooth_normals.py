@@ -57,7 +57,7 @@ def surface_angles(points: Floats, triangles: Ints, faces: Ints, feet: Floats, d
 
 @array_kernel
 def _fans(points: Floats, triangles: Ints) -> tuple[Ints, Ints]:
-    """Return first corners at points, and next corners at their points, -1 for none."""
+    """Return first corners of points, and next corners there. -1 for none."""
     corners, following = triangles.reshape(-1), np.empty(triangles.size, np.int64)
     first = np.full(len(points), -1)
     for corner in range(len(corners) - 1, -1, -1):

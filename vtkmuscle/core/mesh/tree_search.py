@@ -232,7 +232,7 @@ def is_inside(
 def _find_sides(
     corners: Floats, u: int, v: int, along: int, x: float, y: float, z: float, sides: Floats
 ) -> None:
-    """Write the sides, 1 or -1, of triangles above a point, else 0."""
+    """Write the sides of triangles above a point. 1 or -1, else 0."""
     for k in range(LANES):
         ax, bx, cx = corners[u, k], corners[3 + u, k], corners[6 + u, k]
         ay, by, cy = corners[v, k], corners[3 + v, k], corners[6 + v, k]

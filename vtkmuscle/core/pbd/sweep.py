@@ -243,7 +243,7 @@ def turn_from(sine: float, cosine: float, square: float, cosine0: float, sine0: 
 
 @lane
 def chord_from(sine: float, cosine: float, square: float, cosine0: float, sine0: float) -> float:
-    """Return 2 sin(t / 2), the chord of :func:`turn_from`'s turn t."""
+    """Return the chord of a turn. 2 sin(t / 2) of :func:`turn_from`'s turn t."""
     across = sine * cosine0 - cosine * sine0
     along = cosine * cosine0 + sine * sine0
     radius = math.sqrt(square)
