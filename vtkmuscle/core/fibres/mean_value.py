@@ -32,8 +32,11 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import LANES, lane, vector_kernel
 from vtkmuscle.core.machine import processors
 from vtkmuscle.core.mesh.surface import diagonal
-from vtkmuscle.core.types import ROUNDING, SAME, Bools, Floats, Ints
+from vtkmuscle.core.types import SAME, Bools, Floats, Ints
 
+#: Distance below which a query point lies on a vertex, edge or triangle; part of the mesh's diagonal, 450
+#: times the rounding of a number.
+ON_SURFACE = 1e-13
 #: Largest u = sin^2(theta / 2) of an edge of a far triangle: 20 degrees; f has all digits after 11 terms.
 SMALL_ANGLE = 1.0 / 32.0
 #: Squared height over squared distance, and a sum over its terms, below which rounding has cost digits of S;
@@ -112,7 +115,7 @@ def weights_of(mesh: CoordinateMesh, queries: Floats, *, first: int = 0) -> Floa
 
     def work(begin: int) -> None:
         rows = slice(begin, begin + LANES)
-        weights[rows], residuals[rows] = weights_of_lanes(mesh, centred[rows], mesh.diagonal * ROUNDING)
+        weights[rows], residuals[rows] = weights_of_lanes(mesh, centred[rows], mesh.diagonal * ON_SURFACE)
 
     with ThreadPoolExecutor(processors()) as pool:
         list(pool.map(work, range(0, len(queries), LANES)))

@@ -14,6 +14,10 @@ ALL_PATHS = 10**6
 #: Affine motions of a section need guides at the corners of a tetrahedron.
 LEAST_PATHS = 4
 
+#: A direction in which guides spread by less than this part of their greatest spread has no slope: fibres a
+#: little beside would be extrapolated far.
+FLAT = 1e-3
+
 
 class Guides:
     """Carry the paths of all fibres by the paths of a few.
@@ -82,7 +86,7 @@ def thin_plate_weights(sites: Floats, points: Floats) -> Floats:
     middle = sites.mean(axis=0)
     spread, axes = np.linalg.svd(sites - middle, full_matrices=False)[1:]
     same = ROUNDING * float(np.abs(sites).max())
-    axes = axes[spread > same]
+    axes = axes[spread > max(FLAT * spread[0], same)]
     size = max(float(spread[0]), same) or 1.0
     affine, at = (np.column_stack([np.ones(len(x)), (x - middle) @ axes.T / size]) for x in (sites, points))
     # The thin plate's r^2 log r; the smoothing has the sign for which the system is definite.
