@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.attachments.patches import FARTHEST, attachment_patch, discs_over
+from vtkmuscle.core.attachments.patches import attachment_patch, discs_over
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fibres.between_areas import EndSurface
 from vtkmuscle.core.mesh import surface as surfaces
@@ -168,6 +168,8 @@ def outward_tree(points: Floats, triangles: NDArray[np.int64]) -> TriangleTree:
 #: Ratio of surface within a ring to the ring's disc above which the ring surrounds the muscle, and fibres end
 #: on the disc: a hemisphere has 2.
 BULGE = 2.0
+#: Largest distance of an aponeurosis from its muscle, relative to the muscle's extent: finds wrong units.
+FARTHEST = 0.05
 #: Largest part of a muscle's surface that an aponeurosis may cover: the two sides of a sheet have half each.
 COVERS = 0.6
 #: Distance of positions on a surface, in mean edges: the mesh's own roughness. 0.1 and 0.5 move the points of

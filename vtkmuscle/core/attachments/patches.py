@@ -60,8 +60,8 @@ def geodesic_curve(points: Floats, edges: Ints, vertices: Ints, *, closed: bool)
     return np.array(curve, dtype=np.int64)
 
 
-#: Largest distance of a landmark or an aponeurosis from its muscle, as a part of the muscle's diagonal: finds
-#: wrong units, of a factor of ten or more.
+#: Largest distance of a landmark from its muscle, as a part of the muscle's diagonal: finds wrong units, of a
+#: factor of ten or more.
 FARTHEST = 0.2
 #: Share of the surface below which the smaller side of a ring is certainly its inside: the rest of a muscle
 #: that lies on its bone is as near.
