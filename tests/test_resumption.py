@@ -130,13 +130,11 @@ def test_a_folder_without_a_finished_run_is_one_clear_error(scene, finished, tmp
         (lambda file: file.unlink(), "missing"),
         (lambda file: file.write_bytes(file.read_bytes()[:-9]), "is not what the run|damaged"),
     ):
+        kept_files = ("thin.json", "thin_fibres.vtp", "scene.json", "bones/lower.vtp")
         for name in (
             "thin.pvd",
             "thin/thin_0001.vtp",
-            "finished/thin.json",
-            "finished/thin_fibres.vtp",
-            "finished/scene.json",
-            "finished/bones/lower.vtp",
+            *(f"finished/{file}" for file in kept_files),
             "report.json",
         ):
             kept = (out / name).read_bytes()

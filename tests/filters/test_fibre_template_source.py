@@ -22,11 +22,8 @@ def test_fibres_are_those_of_the_template(kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_areas_are_those_of_the_template(kind):
     fibres = FibreTemplateSource(template=kind).update().output
-    for name, areas in (
-        ("OriginArea", TEMPLATES[kind].areas(0)),
-        ("InsertionArea", TEMPLATES[kind].areas(-1)),
-    ):
-        assert np.array_equal(field_array(fibres, name), areas.reshape(-1, 3))
+    for name, end in (("OriginArea", 0), ("InsertionArea", -1)):
+        assert np.array_equal(field_array(fibres, name), TEMPLATES[kind].areas(end).reshape(-1, 3))
 
 
 def test_many_fibres_are_the_same_ones_neighbour_after_neighbour():

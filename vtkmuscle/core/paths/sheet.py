@@ -35,7 +35,7 @@ POINTS = 33
 #: with 4, and lengths depend on the way as little; with 16 a strap jumps over two rollers.
 LARGEST_MOVE = 8.0
 
-#: Settling in a part before the last ends at this many tolerances. A move over a whole motion takes 3 to 43 %
+#: Settling in a part before the last ends at this many tolerances. A move over a whole motion takes 3 to 41 %
 #: fewer steps than with 1 in 20 real muscles, and lengths change by at most 0.01 mm but where several
 #: equilibria are near (by 0.2 mm in one of seven samplings of a gluteus maximus); with 1 000 a supraspinatus
 #: comes to another equilibrium, 10 mm off.
