@@ -22,6 +22,8 @@ from vtkmuscle.core.types import GRAIN, ROUNDING, FloatMap, Floats, Ints
 #: Classes of function values for the mean gradient. With 1024 mean lengths of fibres differ by at most 1 mm
 #: in eight of ten muscles of a hip and a knee, by 19 and 23 mm in two with estimated areas.
 N_CLASSES = 256
+#: Isolines that measure the muscle's course, with 33 and 129 the same for eight of ten muscles.
+N_ISOLINES = 65
 #: Distance of the first and last isoline from the attachment areas, as a part of the muscle's length:
 #: isolines at an area's rim have many coincident points. A hundredth moves points by 2 to 20 mm.
 ISOLINE_MARGIN = 1e-3
@@ -63,7 +65,7 @@ class IsolineCourse:
         self.muscle, self.field = muscle.outward(), field
         self.values, self.distances = isoline_distances(muscle.points, muscle.triangles, field)
         self.length = float(self.distances[-1])
-        regular = self.length * np.linspace(ISOLINE_MARGIN, 1.0 - ISOLINE_MARGIN, slices.N_GUIDES)
+        regular = self.length * np.linspace(ISOLINE_MARGIN, 1.0 - ISOLINE_MARGIN, N_ISOLINES)
         branch = self.branch(self.muscle, regular)
         first, last = _single_branch(branch)
         self.begin, self.span = regular[first], regular[last] - regular[first]

@@ -22,8 +22,7 @@ from vtkmuscle.core.types import GRAIN, ROUNDING, SAME, Floats, Ints
 LARGEST_STEEP_SHARE, STEEP, LEAST_SHARE = 0.15, 45.0, 0.8
 #: Guiding sections at fixed heights, between which starts are interpolated: their number, and the distance of
 #: the first and last from the ends, as a part of the length. With 0.015 single fibres of a hip take other
-#: courses, with lengths that differ by up to 32 mm; mean lengths of fascicles differ by at most 0.1 mm. As
-#: many isolines measure a muscle's course: with 65 and 129 the same for eight of ten muscles.
+#: courses, with lengths that differ by up to 32 mm; mean lengths of fascicles differ by at most 0.1 mm.
 N_GUIDES, GUIDE_MARGIN = 33, 0.02
 
 
