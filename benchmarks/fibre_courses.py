@@ -198,10 +198,10 @@ def dissection(paths: list[Path], folder: Path | None) -> Table:
         )
 
     if folder is not None:
-        muscle, sheets, areas = measured_muscle(folder)
+        muscle, sheets, _ = measured_muscle(folder)
         fibres = FibreSource(muscle=muscle, aponeuroses=sheets, n_fibres=400).update().output
         ward = tuple(map(str, WARD_GASTROCNEMIUS))
-        found = architecture_of(fibres, muscle, areas, 1.0, aponeuroses=sheets)
+        found = architecture_of(fibres, muscle, 1.0, between_aponeuroses=True)
         row("gastrocnemius medialis", found, (ward[0], ward[1], ward[2]))
     for scene in map(Scene.load, paths):
         result = scene.run(None, frames="0:1", figures=False)
@@ -211,8 +211,8 @@ def dissection(paths: list[Path], folder: Path | None) -> Table:
                 words = [f"{mean:.0f}, sd {sd:.0f}" for mean, sd in (length, angle)]
                 known = (words[0], words[1], "" if area is None else str(area))
                 # Without the name: the population's ratio comes from these dissections.
-                at_rest, areas = result.track(name), scene.attachments_data(name)
-                found = architecture_of(at_rest.rest_fibres, at_rest.rest, areas, scene.millimetres)
+                at_rest = result.track(name)
+                found = architecture_of(at_rest.rest_fibres, at_rest.rest, scene.millimetres)
                 row(name, found, known)
     return table
 

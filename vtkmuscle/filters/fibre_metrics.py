@@ -10,12 +10,11 @@ from vtkmuscle.core.fibres import measures
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
 from vtkmuscle.core.mesh.smooth_normals import surface_angles
-from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.mesh.surface import edge_lengths, half_edges, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_deformed, triangle_tree
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, cell_array
-from vtkmuscle.data.attachments import Areas
-from vtkmuscle.data.muscle_geometry import Surface, inner_areas
+from vtkmuscle.data.muscle_geometry import ROUGHNESS, Surface
 from vtkmuscle.data.paths import PathLines, add_path_arrays
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
@@ -29,8 +28,8 @@ class FibreMetrics(Filter):
     The inputs select the measures: strain needs ``RestLength`` (from FibreTransport), pennation a muscle.
     Pennation is the angle between a fibre's end segment and the muscle's surface, or the aponeurosis at the
     fibre's end: 0 along the surface, 90 degrees at right angles. The surface normal is continuous except at
-    creases of more than 45 to 75 degrees; on a crease the angle is the mean over the adjacent faces. An
-    aponeurosis within the muscle, as in bipennate muscles, comes from the attachments.
+    creases of more than 45 to 75 degrees; on a crease the angle is the mean over the adjacent faces. Fibre
+    ends off the surface span an aponeurosis within the muscle, as in bipennate muscles.
 
     Parameters
     ----------
@@ -38,8 +37,6 @@ class FibreMetrics(Filter):
         Polylines; with the cell array ``RestLength`` [mm] for strain.
     muscle
         The surface at the fibres' ends.
-    attachments
-        Areas in the pose of the fibres. The disc over an area within the muscle counts as muscle surface.
     paths
         The paths of the same fibres in the pose, from TautPaths: lengths and levers are added.
     architecture
@@ -71,8 +68,8 @@ class FibreMetrics(Filter):
     Limitations
     -----------
     The physiological cross-sectional area assumes that fibres sample the muscle evenly. Pennation is measured
-    on the end segment, so the angle depends on the resolution of strongly curved fibres. Strain is a mean
-    over a fibre.
+    on the end segment, so the angle depends on the resolution of strongly curved fibres. An aponeurosis
+    within the muscle needs three ends. Strain is a mean over a fibre.
 
     Examples
     --------
@@ -87,15 +84,12 @@ class FibreMetrics(Filter):
 
     fibres = ports.Lines()
     muscle = ports.Surface(optional=True)
-    attachments = ports.Areas(optional=True)
     paths = ports.Paths(optional=True)
     output = OutputPort(vtkPolyData)
 
     _bent: TriangleTree | None = None
 
-    def execute(
-        self, fibres: Polylines, muscle: Surface | None, attachments: Areas | None, paths: PathLines | None
-    ) -> vtkPolyData:
+    def execute(self, fibres: Polylines, muscle: Surface | None, paths: PathLines | None) -> vtkPolyData:
         """Return the fibres with their measures."""
         points, offsets = fibres.points, fibres.offsets
         lengths = polyline_lengths(points, offsets)
@@ -108,7 +102,7 @@ class FibreMetrics(Filter):
         if result.GetCellData().HasArray("RestLength"):
             cells["Strain"] = _strain(result, lengths)
         if muscle is not None:
-            ends = self._pennation(fibres, muscle, attachments)
+            ends = self._pennation(fibres, muscle)
             cells["PennationOrigin"], cells["PennationInsertion"] = ends
         add_arrays(result, cells=cells)
         if paths is not None:
@@ -117,25 +111,25 @@ class FibreMetrics(Filter):
             self._measure_muscle(result, fibres, lengths, muscle)
         return add_arrays(result, fields={"LengthMean": lengths.mean(), "LengthSD": lengths.std()})
 
-    def _pennation(self, lines: Polylines, muscle: Surface, areas: Areas | None) -> tuple[Floats, Floats]:
-        """Return the angles of fibre ends to the surface, (k,) each [degrees]."""
+    def _pennation(self, lines: Polylines, muscle: Surface) -> Floats:
+        """Return the angles of fibre ends to the surface, or an inner aponeurosis, (2, k) [degrees]."""
         points, triangles = muscle.points, muscle.triangles
-        if areas is not None:
-            inner, faces = inner_areas(areas, muscle.geometry)
-            triangles = np.vstack([triangles, faces + len(points)])
-            points = np.vstack([points, inner])
         # The hierarchy of the last frame is refitted: only the positions have changed.
         self._bent = tree_of_deformed(self._bent, points, triangles)
-        ends = np.vstack([lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1]])
-        faces, feet, _ = self._bent.nearest(ends)
+        ends = np.array([lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1]])
+        faces, feet, away = self._bent.nearest(ends.reshape(-1, 3))
         if not triangle_normals(points, triangles[faces]).any(axis=1).all():  # some have no area
             triangles = triangles[triangle_normals(points, triangles).any(axis=1)]
             if not len(triangles):
                 raise InputError("muscle", "all triangles are degenerate, so the surface has no normals")
-            faces, feet, _ = triangle_tree(points, triangles).nearest(ends)
-        runs = np.vstack(end_directions(lines.points, lines.offsets))
-        angles = surface_angles(self._bent.points, triangles, faces, feet, runs)
-        return angles[: len(lines)], angles[len(lines) :]
+            faces, feet, away = triangle_tree(points, triangles).nearest(ends.reshape(-1, 3))
+        runs = np.array(end_directions(lines.points, lines.offsets))
+        angles = surface_angles(points, triangles, faces, feet, runs.reshape(-1, 3)).reshape(2, -1)
+        within = away > ROUGHNESS * edge_lengths(points, half_edges(triangles[faces])).mean()
+        for own, end, run, off in zip(angles, ends, runs, within.reshape(2, -1), strict=True):
+            inner, sheet = measures.angles_to_inner_sheet(end, run, off)
+            own[inner] = sheet
+        return angles
 
     def _measure_muscle(
         self, result: vtkPolyData, lines: Polylines, lengths: Floats, muscle: Surface | None

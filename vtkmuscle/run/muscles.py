@@ -150,12 +150,12 @@ class MuscleRun:
         with self._timed("measuring"):
             lines = arrays.polylines_of(fibres, "fibres")
             measure.take_fibres_at_rest(lines.points, lines.offsets)
-            own, sheets = scene.muscles[self.name], scene.aponeuroses_data(self.name)
-            areas, known_as = scene.attachments_data(self.name), own.muscle or self.name
+            own, scale = scene.muscles[self.name], scene.millimetres
+            named, between = own.muscle or self.name, bool(own.aponeuroses)
             track.report |= {
-                "fibres": fibres_at_rest(fibres, rest, scene.millimetres),
+                "fibres": fibres_at_rest(fibres, rest, scale),
                 "architecture": architecture_of(
-                    fibres, rest, areas, scene.millimetres, own.hill, sheets, known_as
+                    fibres, rest, scale, own.hill, named, between_aponeuroses=between
                 ),
                 "fibre_measures": [],
             }

@@ -8,18 +8,16 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.fibres import measures as of_fibres
-from vtkmuscle.core.mesh.polylines import end_directions
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.anatomy import PERSONAL, published
-from vtkmuscle.data.arrays import Polylines, checked_surface, field_array, points_of, polylines_of
-from vtkmuscle.data.attachments import aponeuroses_of
-from vtkmuscle.data.muscle_geometry import MuscleGeometry, aponeurosis_surfaces, surface_of
+from vtkmuscle.data.arrays import cell_array, checked_surface, field_array, points_of, polylines_of
+from vtkmuscle.data.muscle_geometry import surface_of
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.io.fibre_table import muscle_summary, spread
 from vtkmuscle.run.table import Table
@@ -36,15 +34,16 @@ FIBRE_MEASURES: Mapping[str, str] = MEASURES["fibres"]
 
 
 def architecture_of(
-    fibres: vtkPolyData, muscle: vtkPolyData, attachments: vtkMultiBlockDataSet | None, millimetres: float,
-    hill: Mapping[str, float] | None = None, aponeuroses: vtkMultiBlockDataSet | None = None, name: str = "",
+    fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float, hill: Mapping[str, float] | None = None,
+    name: str = "", *, between_aponeuroses: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
     """Return the architecture of a muscle at rest, JSON-able; see :data:`DEFINITIONS`.
 
     ``hill`` may have ``tendon_slack_length`` in the scene's unit and ``sarcomere_length`` in micrometres;
-    ``aponeuroses`` are the surfaces at the ends of the fibres; ``name`` is looked up among published muscles.
+    ``name`` is looked up among published muscles; fibres may run between aponeuroses.
     """
-    summary = muscle_summary(FibreMetrics(architecture=True)(fibres, muscle, attachments))
+    measures = FibreMetrics(architecture=True)(fibres, muscle)
+    summary = muscle_summary(measures)
     result: dict[str, Any] = {}
     for array, (key, power) in MEASURES["architecture"].items():
         measured, scale = summary[array], millimetres**power
@@ -60,9 +59,11 @@ def architecture_of(
     whole = lines.lengths
     source, lengths, by_thickness = "estimate", own.lengths, own.lengths.mean()
     of_ends = [estimate.lengths for estimate in ends]
-    if aponeuroses is not None:
+    if between_aponeuroses:
         source, lengths, of_ends = "aponeuroses", whole, [whole, whole]
-        origin, insertion = _pennations(lines, aponeuroses, geometry)
+        origin, insertion = (
+            cell_array(measures, f"Pennation{end}", "fibres") for end in ("Origin", "Insertion")
+        )
         own, *ends = (of_fibres.Fascicles(whole, origin, insertion, each.volume) for each in (own, *ends))
     elif tendon is not None and tendon < whole.min():
         source, lengths = "scene", whole - tendon
@@ -91,20 +92,6 @@ def architecture_of(
         normalised = OPTIMAL_SARCOMERE / sarcomere * result["fascicle_length_mm"]["mean"]
         result["fascicle_length_normalised_mm"] = normalised
     return result
-
-
-def _pennations(
-    lines: Polylines, aponeuroses: vtkMultiBlockDataSet, geometry: MuscleGeometry
-) -> list[Floats]:
-    """Return the angles (k,) of fibres against the aponeuroses at each end [degrees]."""
-    where = "aponeuroses"
-    surfaces = aponeurosis_surfaces(aponeuroses_of(aponeuroses, where), geometry, where)
-    places = lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1]
-    runs = end_directions(lines.points, lines.offsets)
-    return [
-        np.degrees(np.arcsin(np.minimum(surface.crossed_by(run[:, None], ends) / surface.samples.area, 1.0)))
-        for surface, run, ends in zip(surfaces, runs, places, strict=True)
-    ]
 
 
 def architecture_table(muscles: Mapping[str, Mapping[str, Any]]) -> Table:
