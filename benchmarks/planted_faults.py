@@ -308,7 +308,7 @@ class Copy:
                 )
             except subprocess.TimeoutExpired:
                 return ""
-        failed = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
+        failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - |$)", done.stdout, re.MULTILINE)
         test = failed.group(1) if failed else f"ended with {done.returncode}"
         return test if done.returncode else ""
 

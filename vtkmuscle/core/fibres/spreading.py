@@ -192,8 +192,9 @@ def _pull(
                 row = (i * ny + j) * nz  # cells of a row are consecutive
                 for node in range(offsets[row + first], offsets[row + last + 1]):
                     square = _square_to(nodes, node, x, y, z)
-                    candidates[count], squares[count] = node, square
-                    count += 1 if square < farthest else 0
+                    if square < farthest:
+                        candidates[count], squares[count] = node, square
+                        count, farthest = count + 1, min(farthest, square * (1.0 + 1e-9) + band)
         least, nearest = squares[0], candidates[0]
         for k in range(1, count):
             if squares[k] < least:

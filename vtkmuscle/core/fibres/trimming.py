@@ -6,6 +6,7 @@ doi:10.1007/978-3-642-38241-3_3.
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.fibres.between_areas import AT_ONCE
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh import polylines
 from vtkmuscle.core.mesh.normals import angles_between
 from vtkmuscle.core.mesh.sampling import PatchSamples
@@ -268,34 +270,50 @@ def closest_to_ray(start: Floats, ahead: Floats, tree: TriangleTree) -> Floats:
 
     The ray has a start (3,) and a unit direction (3,). Of equal points the first along the ray.
     """
-    low, high = np.hsplit(tree.boxes[1 - len(tree.leaves) :], 2)  # of the leaves
-    to_leaves, reach = 0.5 * (low + high) - start, np.linalg.norm(high - low, axis=1)
-    aside = np.linalg.norm(to_leaves - np.maximum(to_leaves @ ahead, 0.0)[:, None] * ahead, axis=1)
-    near = aside - reach <= (aside + reach).min()
-    corners = tree.points[tree.triangles[tree.order[np.repeat(near, np.diff(tree.leaves))]]]
-    edges = np.roll(corners, -1, axis=1) - corners
-    normals = np.cross(edges[:, 0], edges[:, 1])
-    with np.errstate(divide="ignore", invalid="ignore"):  # triangles without area, or along the ray
-        t = ((corners[:, 0] - start) * normals).sum(axis=1) / (normals @ ahead)
-        at = start + t[:, None] * ahead
-        sides = (np.cross(edges, at[:, None] - corners) * normals[:, None]).sum(axis=2)
-    through = (t >= 0.0) & (sides >= 0.0).all(axis=1)
-    ends, edges = corners.reshape(-1, 3), edges.reshape(-1, 3)
-    s, arcs = _nearest_to_ray(start - ends, ahead, edges)
-    on_edges = ends + s[:, None] * edges
-    apart = np.linalg.norm(start + arcs[:, None] * ahead - on_edges, axis=1)
-    _, nearest, away = tree.nearest(start[None])
-    distances = np.concatenate([away, np.zeros(int(through.sum())), apart])
-    first = np.lexsort((np.concatenate([[0.0], t[through], arcs]), distances))[0]
-    return np.asarray(np.vstack([nearest, at[through], on_edges])[first])
+    low, high = np.hsplit(tree.boxes[1 - len(tree.leaves) :], 2)
+    balls = np.column_stack([0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)])  # round leaves
+    closest: Floats = tree.nearest(start[None])[1][0]
+    _approach(start, ahead, tree.points, tree.triangles, tree.order, tree.leaves, balls, closest)
+    return closest
 
 
-def _nearest_to_ray(to_start: Floats, ahead: Floats, edges: Floats) -> tuple[Floats, Floats]:
-    """Return parameters of closest approach of edges and a ray (Ericson 2005, section 5.1.9)."""
-    ee, ea = (edges * edges).sum(axis=1), (edges * ahead).sum(axis=1)
-    es, as_ = (edges * to_start).sum(axis=1), (to_start * ahead).sum(axis=1)
-    apart = ee - ea * ea
-    s = np.divide(es - ea * as_, apart, out=np.zeros(len(ee)), where=apart > 1e-14 * ee).clip(0.0, 1.0)
-    t = s * ea - as_
-    behind = np.divide(es, ee, out=np.zeros(len(ee)), where=ee > 0.0).clip(0.0, 1.0)
-    return np.where(t < 0.0, behind, s), np.maximum(t, 0.0)
+@kernel
+def _approach(
+    start: Floats, ahead: Floats, points: Floats, triangles: Ints, order: Ints, leaves: Ints, balls: Floats,
+    closest: Floats,
+) -> None:  # fmt: skip
+    """Move the point nearest to a ray's start to the point of triangles closest to the ray."""
+    x, y, z, u, v, w = start[0], start[1], start[2], ahead[0], ahead[1], ahead[2]
+    first, least = 0.0, math.sqrt((closest[0] - x) ** 2 + (closest[1] - y) ** 2 + (closest[2] - z) ** 2)
+    for leaf in range(len(balls)):
+        dx, dy, dz = balls[leaf, 0] - x, balls[leaf, 1] - y, balls[leaf, 2] - z
+        t = max(dx * u + dy * v + dz * w, 0.0)
+        if math.sqrt((dx - t * u) ** 2 + (dy - t * v) ** 2 + (dz - t * w) ** 2) > least + balls[leaf, 3]:
+            continue
+        for number in range(leaves[leaf], leaves[leaf + 1]):
+            triangle = triangles[order[number]]
+            low, high, across, above = 0.0, 0.0, 0.0, 0.0
+            opposite = points[triangle[2]]
+            for side in range(3):
+                a, b = points[triangle[side]], points[triangle[side - 2]]
+                dx, dy, dz = x - a[0], y - a[1], z - a[2]
+                ex, ey, ez = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+                nx, ny, nz = dy * ez - dz * ey, dz * ex - dx * ez, dx * ey - dy * ex
+                turn = nx * u + ny * v + nz * w
+                low, high, across = min(low, turn), max(high, turn), across + turn
+                if side == 0:
+                    above = nx * (opposite[0] - x) + ny * (opposite[1] - y) + nz * (opposite[2] - z)
+                ee, eu = ex * ex + ey * ey + ez * ez, ex * u + ey * v + ez * w
+                ed, du = ex * dx + ey * dy + ez * dz, dx * u + dy * v + dz * w
+                apart = ee - eu * eu  # Ericson 2005, section 5.1.9
+                s = min(max((ed - eu * du) / apart, 0.0), 1.0) if apart > 1e-14 * ee else 0.0
+                t = s * eu - du
+                if t < 0.0:
+                    s, t = min(max(ed / ee, 0.0), 1.0) if ee > 0.0 else 0.0, 0.0
+                dx, dy, dz = a[0] + s * ex, a[1] + s * ey, a[2] + s * ez
+                away = math.sqrt((x + t * u - dx) ** 2 + (y + t * v - dy) ** 2 + (z + t * w - dz) ** 2)
+                if away < least or (away == least and t < first):
+                    least, first, closest[0], closest[1], closest[2] = away, t, dx, dy, dz
+            t = above / across
+            if low * high == 0.0 and 0.0 <= t < (first if least == 0.0 else math.inf):  # through the triangle
+                least, first, closest[0], closest[1], closest[2] = 0.0, t, x + t * u, y + t * v, z + t * w
