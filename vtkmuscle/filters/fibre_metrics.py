@@ -127,8 +127,9 @@ class FibreMetrics(Filter):
         angles = surface_angles(points, triangles, faces, feet, runs.reshape(-1, 3)).reshape(2, -1)
         within = away > ROUGHNESS * edge_lengths(points, half_edges(triangles[faces])).mean()
         for own, end, run, off in zip(angles, ends, runs, within.reshape(2, -1), strict=True):
-            inner, sheet = measures.angles_to_inner_sheet(end, run, off)
-            own[inner] = sheet
+            if off.any():
+                inner, sheet = measures.angles_to_inner_sheet(end, run, off)
+                own[inner] = sheet
         return angles
 
     def _measure_muscle(
