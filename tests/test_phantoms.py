@@ -183,10 +183,7 @@ def test_the_chain_of_filters_gives_the_known_lengths_angles_and_volume(kind):
     phantom = phantoms.fibre_block(kind)
     muscle, attachments = phantom.muscles["block"], phantom.attachments["block"]
     fibres = decompose(muscle, attachments, phantom.superficial.get("block"), template=kind)
-    metrics = FibreMetrics(architecture=True)
-    for port, value in enumerate((fibres, muscle, attachments)):
-        metrics.connect(port, value)
-    measured = metrics.update().output
+    measured = FibreMetrics(fibres=fibres, muscle=muscle, architecture=True).update().output
     r, s = (arrays.cell_array(measured, name, kind) for name in ("r", "s"))
     lengths = known_of_each(phantom, "fibre_length", r, s)
     assert np.abs(arrays.cell_array(measured, "Length", kind) / lengths - 1).max() < 0.005

@@ -18,7 +18,7 @@ def pennate():
     """The block's muscle, its fibres, and the direction of all of them."""
     phantom = fibre_block("pennate")
     muscle = phantom.muscles["block"]
-    fibres = FibreSource(n_fibres=200, course="straight")(muscle, phantom.attachments["block"])
+    fibres = FibreSource(n_fibres=200)(muscle, phantom.attachments["block"])
     return muscle, fibres, np.array([20.0, 0.0, 60.0]) / np.hypot(20, 60)
 
 
@@ -65,7 +65,7 @@ def test_any_mesh_gets_the_known_direction(kind, at, pennate):
 def test_bipennate_fibres_lean_to_both_sides():
     phantom = fibre_block("bipennate")
     muscle = phantom.muscles["block"]
-    fibres = FibreSource(n_fibres=800, course="straight")(muscle, phantom.attachments["block"])
+    fibres = FibreSource(n_fibres=800)(muscle, phantom.attachments["block"])
     field = FibreField().apply(image(2.0), fibres, muscle)
     x = field.cell_centers().points[:, 0]
     lean = np.where(x < 10.0, 1.0, -1.0)

@@ -54,7 +54,7 @@ def lengths_of(fibres):
 
 def test_pennate_fibres_have_their_known_length_and_pennation(block):
     muscle, attachments = block
-    fibres = FibreSource(n_fibres=100, course="straight")(muscle, attachments)
+    fibres = FibreSource(n_fibres=100)(muscle, attachments)
     assert arrays.field_string(fibres, "Course") == "straight"
     length = np.hypot(WIDTH, LENGTH / 2)
     assert lengths_of(fibres).mean() == pytest.approx(length, rel=0.01)
@@ -69,7 +69,7 @@ def test_pennate_fibres_have_their_known_length_and_pennation(block):
 def test_bipennate_fibres_end_on_the_tendon_in_the_middle():
     phantom = fibre_block("bipennate")
     muscle = phantom.muscles["block"]
-    fibres = FibreSource(n_fibres=200, course="straight")(muscle, phantom.attachments["block"])
+    fibres = FibreSource(n_fibres=200)(muscle, phantom.attachments["block"])
     lines = arrays.polylines_of(fibres, "fibres").points.reshape(200, -1, 3) - sides(muscle)
     assert np.abs(lines[:, -1, 0] - WIDTH / 2).max() < 0.2
     assert (np.minimum(lines[:, 0, 0], WIDTH - lines[:, 0, 0]) < 0.2).all()
@@ -96,7 +96,7 @@ def test_rings_as_aponeuroses_are_as_good_as_areas(block):
     muscle, attachments = block
     between = FibreSource(n_fibres=60)(muscle, None, None, aponeuroses_data(two_rings(muscle)))
     assert arrays.field_string(between, "Course") == "straight"
-    areas = FibreSource(n_fibres=60, course="straight")(muscle, attachments)
+    areas = FibreSource(n_fibres=60)(muscle, attachments)
     assert lengths_of(between).mean() == pytest.approx(lengths_of(areas).mean(), rel=0.01)
 
 

@@ -71,7 +71,7 @@ class FibreField(Filter):
     >>> from vtkmuscle.phantoms import pennate_block
     >>> phantom = pennate_block()
     >>> muscle, areas = phantom.muscles["block"], phantom.attachments["block"]
-    >>> fibres = FibreSource(n_fibres=100, course="straight")(muscle, areas)
+    >>> fibres = FibreSource(n_fibres=100)(muscle, areas)
     >>> grid = pv.ImageData(dimensions=(6, 11, 31), spacing=(4, 4, 4))
     >>> field = FibreField().apply(grid, fibres, muscle)
     >>> field["FibreDirection"][:, [0, 2]].mean(axis=0).round(2).tolist(), int(field["InMuscle"].min())

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
-from shapes import grid
+from shapes import convex, grid
 
 from vtkmuscle.core.fibres.between_areas import (
     AT_ONCE,
@@ -45,10 +45,11 @@ def test_between_equal_plates_that_are_shifted_all_fibres_are_the_shift(plates, 
     assert np.allclose(np.diff(fibres, axis=1), ways[:, None] / 5)
 
 
-def test_fibres_between_plates_fill_the_block_between_them(plates):
-    assert filled_share(straight_fibres(*plates, 100, 3), *plates, 40.0 * 15 * 12) == pytest.approx(
-        1.0, rel=0.02
-    )
+def test_fibres_between_plates_fill_the_section_across_them(plates):
+    block = convex(np.vstack([plate.samples.points for plate in plates]))
+    # Across fibres of 20 mm that rise by 12 mm: 40 x 15 x 12 / 20 mm2, of a section between the plates.
+    share = filled_share(straight_fibres(*plates, 100, 3), *plates, *block)
+    assert share == pytest.approx((40 * 15 * 0.6) / (15 * 12 / 0.8), rel=0.02)
 
 
 def test_fibres_may_begin_on_several_pieces():
@@ -91,7 +92,7 @@ def test_loose_points_are_shared():
     point = EndSurface(PatchSamples(np.zeros((1, 3)), np.empty((0, 3), np.int64), np.zeros(1, np.int64)))
     fibres = straight_fibres(point, rectangle((-5.0, -5, 30), [10, 0, 0], [0, 10, 0]), 9, 4)
     assert np.array_equal(fibres[:, 0], np.zeros((9, 3)))
-    assert filled_share(fibres, point, point, 1.0) == 0.0
+    assert filled_share(fibres, point, point, *convex(np.vstack([fibres[0], fibres[1] + [0, 9, 0]]))) == 0.0
 
 
 def test_fibres_that_leave_are_bent_inside_and_others_stay(plates):

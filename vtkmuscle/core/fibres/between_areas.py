@@ -20,7 +20,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.fibres.direction_field import NEIGHBOURS
-from vtkmuscle.core.fibres.measures import SIDES
+from vtkmuscle.core.fibres.measures import SIDES, section_areas
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.polylines import smooth_polylines
 from vtkmuscle.core.mesh.sampling import UNEVEN, PatchSamples, part_means
@@ -110,17 +110,21 @@ def _taken(origin: EndSurface, insertion: EndSurface, candidates: Sequence[Float
     return taken
 
 
-def filled_share(fibres: Floats, origin: EndSurface, insertion: EndSurface, volume: float) -> float:
-    """Return the part of a muscle's volume filled by straight fibres. Volume [mm^3], fibres (k, r, 3).
+def filled_share(
+    fibres: Floats, origin: EndSurface, insertion: EndSurface, points: Floats, triangles: Ints
+) -> float:
+    """Return the part of a closed muscle's section filled by straight fibres. Fibres (k, r, 3).
 
-    Mean cross-section times mean length, over the volume: about 1 in a block between two plates, near 0 in a
-    spindle attached by its tips.
+    Mean cross-section of the fibres at both ends, over the muscle's section across them, through their
+    middle: about 1 in a block between two plates, straight or oblique, near 0 in a spindle attached by its
+    tips; 0 if the middle is outside.
     """
-    chords = fibres[:, -1] - fibres[:, 0]
+    chords, middle = fibres[:, -1] - fibres[:, 0], fibres[:, [0, -1]].mean(axis=(0, 1))
     directions = unit_vectors(chords)[:, None]
     ends = (origin, fibres[:, 0]), (insertion, fibres[:, -1])
-    section = np.mean([area.crossed_by(directions, positions).mean() for area, positions in ends])
-    return float(section * np.linalg.norm(chords, axis=1).mean() / volume)
+    taken = np.mean([area.crossed_by(directions, positions).mean() for area, positions in ends])
+    section = section_areas(points, triangles, middle[None], unit_vectors(chords.mean(axis=0))[None])[0]
+    return float(taken / section) if section > 0.0 else 0.0
 
 
 def departures(fibres: Floats, into_muscle: FloatMap) -> Floats:
