@@ -43,6 +43,7 @@ def test_a_fibre_by_itself_goes_to_the_middle_of_the_muscle(samples):
 def test_fibres_that_are_spread_evenly_stay(samples):
     x, y = np.meshgrid(2.5 + 5.0 * np.arange(4), 2.5 + 5.0 * np.arange(6))
     points, offsets = along_z(np.column_stack([x.ravel(), y.ravel()]))
+    assert cloud(samples).volume == pytest.approx(np.prod(BOX), rel=0.02)
     assert np.linalg.norm(steps_to_centres(points, offsets, cloud(samples)), axis=1).max() < 0.35
 
 

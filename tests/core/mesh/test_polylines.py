@@ -80,6 +80,15 @@ def test_segments_are_those_within_lines_and_none_from_line_to_line():
     np.testing.assert_array_equal(b, points[[1, 4, 5, 6]])
 
 
+def test_the_nearest_arc_is_on_a_segment_or_beyond_the_curves_ends():
+    corner = np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0]])
+    positions = np.array(
+        [[13.0, 2, 0], [-3, 1, 0], [11, 12, 0]]
+    )  # the first is nearer to the prolonged first
+    arcs, segments = polylines.nearest_arcs(np.tile(corner, (3, 1, 1)), positions)
+    assert (arcs.tolist(), segments.tolist()) == ([12.0, -3.0, 22.0], [1, 0, 1])
+
+
 def test_distances_are_the_least_over_all_of_the_segment():
     points, a, b = np.random.default_rng(0).normal(size=(3, 50, 3))
     shares = np.linspace(0.0, 1.0, 20_001)[:, None]

@@ -62,8 +62,7 @@ def test_even_samples_are_the_same_at_each_size(rng, scale):
 
 def test_even_samples_of_few_candidates_repeat_them():
     samples = even_samples(np.arange(9.0).reshape(3, 3), 7)
-    assert len(samples) == 7
-    assert len(np.unique(samples, axis=0)) == 3
+    assert sorted(np.unique(samples, axis=0, return_counts=True)[1]) == [2, 2, 3]
 
 
 def test_points_without_a_common_triangle_are_sampled_along_edges_and_single_points_as_they_are():

@@ -7,8 +7,8 @@ import pytest
 from oracles import igl
 from shapes import box, convex, ring, sphere, union
 
-from vtkmuscle.core.mesh.solids import solids_of
-from vtkmuscle.core.mesh.surface import point_components, unique_edges
+from vtkmuscle.core.mesh.solids import closed_shells, solids_of
+from vtkmuscle.core.mesh.surface import point_components, signed_volume, unique_edges
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.io import read_polydata
@@ -121,6 +121,9 @@ def test_a_part_with_a_hole_is_closed():
     solids = solids_of(points, triangles[1:])
     assert "1 hole(s)" in solids.remarks[0]
     np.testing.assert_allclose(solids.depth([[0.0, 0, 0], [50.0, 0, 0]]), 10.0, atol=0.1)
+    closed = closed_shells(points, triangles[1:])
+    volumes = [signed_volume(closed.points, shell) for shell in closed.shells]
+    np.testing.assert_allclose(volumes, signed_volume(*ball()), rtol=1e-9)
 
 
 def test_a_part_that_encloses_nothing_has_a_distance_on_either_side():

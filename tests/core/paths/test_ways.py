@@ -14,6 +14,7 @@ from vtkmuscle import Scene
 from vtkmuscle.core.motion.blending import screws
 from vtkmuscle.core.motion.coordinates import twist_about
 from vtkmuscle.core.motion.rigid import inverse
+from vtkmuscle.core.paths.poses import KeptPoses
 
 #: Lengths, and the rms of levers of paths, differ by no more than this [mm].
 LENGTHS, LEVERS = 0.02, 0.05
@@ -62,6 +63,18 @@ def test_a_hinge_may_go_straight_or_back(number, straight, back):
     twists[:, strung_phantom(make, **settings).names.index(name)] = twist_about((0, 0, 0), AXIS)
     found = differences(known_paths(make, **settings), poses, twists, range(0, len(poses), 6))
     assert np.less(found, [straight, back]).all(), found
+
+
+def test_the_last_pose_is_kept_and_without_memory_no_other():
+    make, settings, name, low, high = HINGES[0]
+    kept, (first, second) = (
+        KeptPoses(known_paths(make, **settings)),
+        turned(make, settings, name, [low, high]),
+    )
+    state = kept.at(first, memory=0.0)
+    assert kept.at(first, memory=0.0) is state
+    kept.at(second, memory=0.0)
+    assert kept.at(first, memory=0.0) is not state
 
 
 def test_two_joints_may_go_straight_or_back():

@@ -78,7 +78,7 @@ def search_tree(
     for q in range(len(queries)):
         x, y, z = queries[q, 0], queries[q, 1], queries[q, 2]
         leaf, k, square = _nearest_triangle(corners, boxes, leaves, x, y, z, leaf, stack, to_box, apart)
-        nearest[q] = min(leaves[leaf] + k, leaves[leaf + 1] - 1)
+        nearest[q] = leaves[leaf] + k  # not of the last one's copies: the first of equals
         cx, cy, cz = nearest_on_triangle(x, y, z, corners[leaf, :, k])
         closest[q, 0], closest[q, 1], closest[q, 2] = cx, cy, cz
         distances[q] = math.sqrt(square)  # of equally near triangles each has the same
