@@ -62,8 +62,8 @@ class FibreSource(Filter):
         Polylines from origin to insertion, with the point array ``t`` (0 to 1), the cell array ``FibreId``,
         the field array ``Course`` (``straight`` or ``sections``), and the muscle's field arrays. If straight
         fibres were tried, also ``FilledShare`` (filled part of the sections) and ``LeavingShare`` (part of
-        the fibres outside). Straight fibres have the cell array ``Bent`` (0 or 1); fibres through sections the
-        arrays of the filters above.
+        the fibres outside). Straight fibres have the cell array ``Bent`` (0 or 1); fibres through sections
+        the arrays of the filters above.
 
     Raises
     ------
