@@ -233,22 +233,32 @@ def _sources(folder: Path) -> dict[Path, str]:
     return {path: path.read_text(encoding="utf-8") for path in sorted(folder.rglob("*.py"))}
 
 
+def _importing(module: str, folder: Path) -> list[Path]:
+    """Return the files of a folder that import a module of the package."""
+    rooms, _, name = module.rpartition(".")
+    names = re.compile(rf"vtkmuscle\.{module}\b|vtkmuscle\.{rooms} import [^\n]*\b{name}\b")
+    return [path for path, text in _sources(folder).items() if names.search(text)]
+
+
 def tests_of(module: str) -> list[str]:
     """Return the test files next to a module of the core, those nearest to it first."""
-    *folders, name = module.split(".")
-    room = ROOT.joinpath("tests", *folders)
-    tests = {path: text for path, text in _sources(ROOT / "tests").items() if path.name.startswith("test_")}
-    names = re.compile(rf"vtkmuscle\.{module}\b|vtkmuscle\.{'.'.join(folders)} import [^\n]*\b{name}\b")
-    importing = [path for path, text in _sources(CORE.parent).items() if names.search(text)]
-    importers = {f"test_{path.stem}.py": path.relative_to(CORE.parent).parent for path in importing}
-    files = [path for path in tests if path.parent == room and path.stem == f"test_{name}"]
-    files += [path for path in tests if path.parent == room]
-    files += [path for path, text in tests.items() if names.search(text)]
-    files += [
-        path
-        for path in tests
-        if path.name in importers and path.parent == ROOT / "tests" / importers[path.name]
-    ]
+    tests = [path for path in _sources(ROOT / "tests") if path.name.startswith("test_")]
+    files, modules = [], [module]
+    for _ in range(3):  # the module, the modules that import it, and those that import them
+        beside = {
+            ROOT.joinpath("tests", *each.split(".")).with_name(f"test_{each.split('.')[-1]}.py")
+            for each in modules
+        }
+        files += [path for path in tests if path in beside]
+        if modules == [module]:
+            files += [
+                path for path in tests if path.parent == ROOT.joinpath("tests", *module.split(".")[:-1])
+            ]
+            files += [path for path in _importing(module, ROOT / "tests") if path in tests]
+        importing = [path for each in modules for path in _importing(each, CORE.parent)]
+        modules = [
+            ".".join(path.relative_to(CORE.parent).with_suffix("").parts) for path in dict.fromkeys(importing)
+        ]
     return [str(path.relative_to(ROOT)) for path in dict.fromkeys(files)]
 
 
