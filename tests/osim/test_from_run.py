@@ -280,15 +280,15 @@ def test_a_turn_about_one_axis_is_exported_as_a_pin_joint(tmp_path):
     turned = [rotation_about((3.0, -2.0, 5.0), (1, 2, 2), q) for q in (-15, 5, 25)]
     degrees = Coordinate(np.array([0.0, 20.0, 40.0]), "deg", "flexion")
     motion = RigidMotion(np.arange(3.0), {"distal": np.array(turned)}, None, {"bend": degrees})
-    joints, values = pin_joint_of(motion, ["proximal", "distal"], 1.0)
+    joints, values = pin_joint_of(motion, ["proximal", "distal"])
     assert joints.tree.coordinate("bend").rest == pytest.approx(np.radians(15))
     now = joints.tree.poses(values)
     np.testing.assert_allclose(np.linalg.inv(now["proximal"]) @ now["distal"], turned, atol=1e-9)
     steeper = replace(motion, coordinates={"bend": replace(degrees, values=1.01 * degrees.values)})
-    assert pin_joint_of(steeper, ["proximal", "distal"], 1.0) is None
+    assert pin_joint_of(steeper, ["proximal", "distal"]) is None
     turned[1][0, 3] += 0.1
     slid = replace(motion, transforms={"distal": np.array(turned)})
-    assert pin_joint_of(slid, ["proximal", "distal"], 1.0) is None
+    assert pin_joint_of(slid, ["proximal", "distal"]) is None
 
 
 def test_a_hinge_is_exported_with_the_range_of_the_run(tmp_path):

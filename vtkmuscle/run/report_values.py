@@ -12,8 +12,8 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.fibres import measures as of_fibres
 from vtkmuscle.core.mesh.solids import solids_of
-from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.mesh.surface import extent, signed_volume
+from vtkmuscle.core.types import SAME, Floats
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.anatomy import PERSONAL, published
 from vtkmuscle.data.arrays import cell_array, checked_surface, field_array, points_of, polylines_of
@@ -103,9 +103,6 @@ def architecture_table(muscles: Mapping[str, Mapping[str, Any]]) -> Table:
     return Table(("muscle", *columns), means)
 
 
-#: A fibre point counts as inside its muscle up to this far outside [mm].
-FIBRE_TOLERANCE = 0.5
-
 #: Definitions of the numbers of a report by their keys; part of every report.
 DEFINITIONS: Mapping[str, str] = toml_table("vtkmuscle.run", "definitions.toml")
 
@@ -129,9 +126,9 @@ def version_of(package: str, otherwise: str = "unknown") -> str:
 def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float) -> dict[str, Any]:
     """Return the numbers of the fibres at rest. JSON-able; see :data:`DEFINITIONS`."""
     points = points_of(fibres)
-    outside = np.maximum(solids_of(*checked_surface(muscle, "muscle")).distances(points), 0.0) * millimetres
-    inside = int((outside <= FIBRE_TOLERANCE).sum())
     lines, geometry = polylines_of(fibres, "fibres"), surface_of(muscle, "muscle").geometry
+    outside = np.maximum(solids_of(*checked_surface(muscle, "muscle")).distances(points), 0.0)
+    inside = int((outside <= SAME * extent(geometry.points)).sum())
     volume = signed_volume(geometry.points, geometry.triangles)
     layout = of_fibres.arrangement(lines.points, lines.offsets, geometry.samples(SAMPLES), volume)
     angle = field_array(fibres, "SuperficialAngle")
@@ -140,7 +137,7 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
         "points": len(points),
         "points_inside": inside,
         "points_outside": len(points) - inside,
-        "farthest_outside_mm": float(outside.max()),
+        "farthest_outside_mm": float(outside.max()) * millimetres,
         "crossing_share": layout.crossing,
         "hooked_share": layout.hooked,
         "turning_p95_deg": layout.turning,

@@ -190,16 +190,10 @@ def joints_of(table: schema.SceneTable, files: SceneFiles) -> SceneJoints | None
     return SceneJoints(_at_rest(tree), {bone: bone for bone in table.bones}, GROUND, GROUND)
 
 
-#: Largest difference of a pose's translation from that of a turn about one axis [mm].
-_SHIFT = 0.01
-
-
-def pin_joint_of(
-    motion: RigidMotion, bones: Iterable[str], millimetres: float
-) -> tuple[SceneJoints, dict[str, Floats]] | None:
+def pin_joint_of(motion: RigidMotion, bones: Iterable[str]) -> tuple[SceneJoints, dict[str, Floats]] | None:
     """Return a motion of one bone about a fixed axis as a pin joint, with coordinate values (f,) [rad].
 
-    ``millimetres`` are per unit of length. None for any other motion, or where no bone stays at rest.
+    None for any other motion, or where no bone stays at rest.
     """
     still = [bone for bone in bones if bone not in motion.transforms]
     if len(motion.transforms) != 1 or len(motion.coordinates) != 1 or not still or len(motion.times) < 2:
@@ -216,8 +210,8 @@ def pin_joint_of(
     axis, centre = twist[3:] / turning, np.cross(twist[3:], twist[:3]) / turning**2
     rest = float(angles[0] - screws(poses[:1])[0, 3:] @ axis)
     turned = np.array([rotation_about(centre, axis, np.degrees(angle - rest)) for angle in angles])
-    off = np.abs(turned - poses).max(axis=0)
-    if off[:3, :3].max() > SIX_DIGITS or millimetres * off[:3, 3].max() > _SHIFT:
+    off, size = (np.abs(tables).max(axis=0) for tables in (turned - poses, poses))
+    if off[:3, :3].max() > SIX_DIGITS or off[:3, 3].max() > SIX_DIGITS * size[:3, 3].max():
         return None
     parent, *welded = still
     frame = frame_at(centre)

@@ -19,9 +19,6 @@ from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Bools, Floats, Ints
 
-#: Landmarks may be this part of the ring's mean radius off its plane.
-_LARGEST_BEND = 0.5
-
 
 class ViaRing(NamedTuple):
     """A ring in space.
@@ -75,7 +72,7 @@ def via_ring(landmarks: Floats) -> ViaRing:
     heights = np.abs(away @ normal)
     radius = float(np.linalg.norm(corners, axis=1).mean())
     worst = int(heights.argmax())
-    if heights[worst] > _LARGEST_BEND * radius:
+    if heights[worst] > radius:  # nearer to the axis than to the plane
         problem = f"landmark {worst} of a via ring is {heights[worst]:.4g} off the plane of a ring"
         raise InputError("", f"{problem} with mean radius {radius:.4g}", "give landmarks near a common plane")
     turns = _cross(corners, np.roll(corners, -1, axis=0))
