@@ -9,7 +9,7 @@ from vtkmuscle.core.pbd.solver import PBDSolver
 from vtkmuscle.data import arrays
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
-from vtkmuscle.phantoms.meshing import box
+from vtkmuscle.phantoms.meshing import box, solid_of_revolution
 
 ANGLES = [0.0, 5.0, 10.0, 20.0, 30.0]
 BARS = {"lower": ((-5, 20, -50), (5, 30, -10)), "upper": ((-5, 20, 10), (5, 30, 50))}
@@ -107,6 +107,15 @@ def test_edges_are_soft_along_the_fibres_given():
     assert np.abs(results[0] - results[1]).max() > 0.1
     # The harmonic function stands in for straight fibres.
     assert np.abs(results[0] - results[2]).max() < np.abs(results[0] - results[1]).max() / 2
+
+
+def test_a_straight_cylinder_is_decimated_to_even_triangles_and_keeps_its_edges():
+    points, triangles = solid_of_revolution(np.linspace(-50, 50, 60), np.full(60, 8.0), 48)
+    muscle = arrays.surface_from(points, triangles)
+    arrays.add_arrays(muscle, points={"FixedTo": fixed_to(points)})
+    fibres = lines_of([[[x, 0, -50], [x, 0, 50]] for x in np.linspace(-6, 6, 9)])
+    out = deformer_of(muscle, fibres=fibres).update(30.0).output
+    assert arrays.field_array(out, "EdgeStretchMax")[0] < 1.5
 
 
 @pytest.mark.parametrize("collision", ["sdf", "voxel"])

@@ -211,8 +211,7 @@ def evened(
     """Return a closed surface with about `n_triangles` even triangles."""
     whole = points, triangles
     while n_triangles < len(whole[1]):
-        # Otherwise flat parts collapse in arbitrary order and leave slivers.
-        points, triangles = decimated(*whole, n_triangles, regular=True)
+        points, triangles = decimated(*whole, n_triangles, regularity=0.05)
         # More triangles remain if decimation tears a thin part.
         if (edge_uses(triangles) == 2).all():
             break
@@ -231,12 +230,16 @@ def evened(
 
 
 def decimated(
-    points: Floats, triangles: Ints, n_triangles: int, *, regular: bool = False
+    points: Floats, triangles: Ints, n_triangles: int, *, regularity: float = 1e-6
 ) -> tuple[Floats, Ints]:
-    """Return a surface of about `n_triangles` (Garland, Heckbert 1997, doi:10.1145/258734.258849)."""
-    settings = {"Regularize": regular, "TargetReduction": 1.0 - n_triangles / len(triangles)}
+    """Return a surface of about `n_triangles` (Garland, Heckbert 1997, doi:10.1145/258734.258849).
+
+    Without regularity, flat parts and straight prisms collapse in arbitrary order and leave slivers as long
+    as the surface. The default moves the points of a real hip by 4e-6 mm; 0.05 gives even triangles.
+    """
+    settings = {"Regularization": regularity, "TargetReduction": 1.0 - n_triangles / len(triangles)}
     surface = arrays.surface_from(points, triangles)
-    surface = arrays.output_of(vtkQuadricDecimation(), InputData=surface, **settings)
+    surface = arrays.output_of(vtkQuadricDecimation(), InputData=surface, Regularize=True, **settings)
     return arrays.checked_surface(surface, "the decimated surface")
 
 

@@ -54,6 +54,14 @@ def numerical_gradient(value, p, step=1e-6):
     return gradient
 
 
+@pytest.mark.parametrize(("signed", "limit"), [(True, 3.0), (False, 10.0)])
+def test_a_soft_edge_with_signed_angles_yields_to_three_rest_lengths(signed, limit):
+    rows = edge_rows(np.array([[0, 1, 2, 3]]), np.ones(4), np.ones(1), *np.zeros((3, 1)))
+    for length in (0.5, 2.0, 10.0):
+        p = np.array([[0.0, 0, 0], [length, 0, 0], [0, 1, 0], [0, -1, 0]])
+        assert np.ptp(projected(p, np.ones(4), rows, signed=signed)[:2, 0]) == min(length, limit)
+
+
 @pytest.mark.parametrize("signed", [True, False])
 def test_an_edge_is_projected_as_eq_1_says(rng, signed):
     """One edge at a time: gradients by finite differences; a signed angle's step has the turn's chord."""

@@ -61,7 +61,7 @@ class Parameters:
         the harmonic function between the muscle's ends in place of fibres for a muscle without fibres;
         ``"fibres"``, for a muscle with fibres (Algorithm 1, line 15); ``"off"``, no edges.
     stiffness : float
-        Of edge lengths, per iteration, in [0, 1].
+        Of edge lengths, per iteration, in [0, 1]; signed angles keep edges within three rest lengths.
     shape_stiffness : float
         Of the angles between triangles, per iteration, in [0, 1].
     volume_stiffness : float
