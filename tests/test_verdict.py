@@ -265,6 +265,7 @@ def test_uneven_rows_of_a_table_are_no_jump():
     motion = replace(hinge("b", (0, 90, 0), (1, 0, 0), angles), times=np.arange(12.0))
     curve, moved = (120.0 + 40.0 * np.sin(np.radians(angles)))[:, None], distances_moved(motion)
     jumps = [length_jumps(curve, at, even_stretches(motion)).max() for at in (motion.times, moved)]
+    assert not even_stretches(motion).any()  # steps that halve or double
     assert 20.0 * jumps[1] < 0.8 < jumps[0]
     curve[6:] += 4.0
     assert int(length_jumps(curve, moved, even_stretches(motion)).argmax()) == 5
