@@ -32,8 +32,8 @@ COARSE = 128
 #: Passes in which fibres that leave the muscle are smoothed and put back into it. With 16 fibres of ten
 #: muscles of a hip and a knee, straight otherwise, are shorter by at most 0.5 %, with 4 longer by 0.6 %.
 BENDS = 8
-#: Sections of a muscle across straight fibres.
-SECTIONS = 16
+#: Sections of a muscle across straight fibres: with 16 filled parts of 35 muscles differ by at most 6 %.
+ACROSS = 8
 
 
 class EndSurface(NamedTuple):
@@ -124,8 +124,8 @@ def filled_share(
     mean, directions = fibres.mean(axis=0), unit_vectors(fibres[:, -1] - fibres[:, 0])[:, None]
     ends = (origin, fibres[:, 0]), (insertion, fibres[:, -1])
     taken = np.mean([area.crossed_by(directions, positions).mean() for area, positions in ends])
-    along = (np.arange(SECTIONS)[:, None] + 0.5) / SECTIONS * (mean[-1] - mean[0])
-    normals = np.tile(unit_vectors(mean[-1] - mean[0]), (SECTIONS, 1))
+    along = (np.arange(ACROSS)[:, None] + 0.5) / ACROSS * (mean[-1] - mean[0])
+    normals = np.tile(unit_vectors(mean[-1] - mean[0]), (ACROSS, 1))
     sections = section_areas(points, triangles, mean[0] + along, normals).mean()
     return float(taken / sections) if sections > 0.0 else 0.0
 
