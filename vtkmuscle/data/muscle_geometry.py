@@ -179,17 +179,6 @@ ROUGHNESS = 0.25
 SAMPLES = 512
 
 
-def inner_areas(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> tuple[Floats, Ints]:
-    """Return the landmark discs with more than half deeper in the muscle than a mean edge."""
-
-    def within(ring: Floats) -> bool:
-        points, triangles = discs_over([ring])
-        depths = geometry.solids.depth(points[triangles].mean(axis=1))
-        return bool(len(depths) and np.median(depths) > geometry.mean_edge)
-
-    return discs_over([area.landmarks for area in areas if area.closed and within(area.landmarks)])
-
-
 def aponeurosis_surfaces(
     aponeuroses: Sequence[Aponeurosis], geometry: MuscleGeometry, where: str,
     areas: Sequence[AttachmentArea] = (),

@@ -12,7 +12,7 @@ from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
 from vtkmuscle.data.attachments import Areas
-from vtkmuscle.data.muscle_geometry import ROUGHNESS, MuscleGeometry, Surface, inner_areas
+from vtkmuscle.data.muscle_geometry import ROUGHNESS, MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 #: Largest part of a fibre's length that is cut off at either end: beyond, the ends would meet.
@@ -126,15 +126,19 @@ def _end_area(role: str, areas: Areas, geometry: MuscleGeometry, ends: Floats) -
 
 
 def _discs_of(areas: Areas, geometry: MuscleGeometry) -> tuple[PatchSamples | None, PatchSamples | None]:
-    """Return the discs within a muscle, and the discs on its surface; None for none."""
-    # Discs over rings around hollow or bulging areas do not belong to the surface.
-    flat = []
+    """Return the discs more than half deeper in a muscle than a mean edge, and those on its surface.
+
+    None for none. Discs over rings around hollow or bulging areas do not belong to the surface.
+    """
+    inner, flat = [], []
     for ring in (area.landmarks for area in areas if area.closed):
         points, triangles = discs_over([ring])
-        away = np.abs(geometry.solids.distances(points[triangles].mean(axis=1)))
-        if away.max() <= ROUGHNESS * geometry.mean_edge:
+        away = geometry.solids.distances(points[triangles].mean(axis=1))
+        if np.abs(away).max() <= ROUGHNESS * geometry.mean_edge:
             flat.append(ring)
-    return _samples(*inner_areas(areas, geometry)), _samples(*discs_over(flat))
+        elif np.median(away) < -geometry.mean_edge:
+            inner.append(ring)
+    return _samples(*discs_over(inner)), _samples(*discs_over(flat))
 
 
 def _samples(points: Floats, triangles: Ints) -> PatchSamples | None:
