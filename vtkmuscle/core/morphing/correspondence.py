@@ -127,16 +127,10 @@ def sampled_loop(loop: Floats, corner: Floats) -> Floats:
     return points_at(loop, lengths, first + lengths[-1] * np.arange(N_STARTS) / N_STARTS)
 
 
-@array_kernel
 def points_at(loop: Floats, lengths: Floats, arcs: Floats) -> Floats:
     """Return points (m, k) at arc lengths (m,). Loop (n, k)."""
-    points = np.empty((len(arcs), loop.shape[1]))
-    for k in range(len(arcs)):
-        along = arcs[k] % lengths[-1]
-        i = min(np.searchsorted(lengths, along, side="right"), len(loop)) - 1
-        slope = (loop[i + 1 - len(loop)] - loop[i]) / (lengths[i + 1] - lengths[i])
-        points[k] = slope * (along - lengths[i]) + loop[i]
-    return points
+    along, closed = arcs % lengths[-1], np.vstack([loop, loop[:1]])
+    return np.column_stack([np.interp(along, lengths, column) for column in closed.T])
 
 
 @array_kernel
