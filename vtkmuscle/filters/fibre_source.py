@@ -21,7 +21,8 @@ from vtkmuscle.filters.template_fitter import TemplateFitter
 #: Least filled part of a muscle with straight fibres. A block between plates has 1, a measured gastrocnemius
 #: between aponeuroses 0.69, spindles attached at their ends 0.04 to 0.5.
 LEAST_FILLED = 0.6
-#: Largest part of straight fibres outside of the muscle.
+#: Largest part of straight fibres outside of the muscle. Of muscles that straight fibres fill, phantoms of
+#: parallel fibres have 0, 15 real ones 0.17 to 1.
 MOST_LEAVING = 0.1
 
 
