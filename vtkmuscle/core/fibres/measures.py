@@ -179,7 +179,7 @@ TENDON_AREAS = (MUSCLE_FOR_TENDON**-0.5, MUSCLE_FOR_TENDON**-0.75, MUSCLE_FOR_TE
 #: three the angles of fascicles in four muscles of a real hip change by 3 degrees, and lengths by 1 mm.
 NODES, PASSES, SECTIONS = 17, 8, 40
 #: Samples of a fibre along the curve, by half of which lengths in ten muscles change by up to 1 mm; part of
-#: a fascicle that gives the direction of its end, by half and twice of which angles change by 3 and 8 degrees.
+#: a fascicle that gives its end a direction, by half and twice of which angles change by 3 and 8 degrees.
 POINTS, END = 121, 0.1
 
 
