@@ -38,7 +38,7 @@ FILES: dict[str, tuple[str, str | None]] = {
 }
 #: Muscles of the data set.
 _MUSCLES = ("gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis")
-#: Longest wait for a connection and for each part of an answer [s], and further tries after a failure.
+#: Longest wait for a connection and for each part of an answer [s], twice pip's; tries after a failure.
 PATIENCE, RETRIES = 30.0, 2
 
 

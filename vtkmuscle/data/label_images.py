@@ -182,7 +182,8 @@ def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
 
 #: Area of an equilateral triangle with unit edges.
 EVEN = math.sqrt(3.0) / 4.0
-#: Relaxations of triangles along a surface.
+#: Relaxations of triangles along a surface. In the phantom hip 99 % of the triangles have 0.37 of the area of
+#: an even triangle without, 0.61 with 4, 0.63 with 8 and 0.65 with 16, for sides of equal mean square.
 RELAXATIONS = 8
 #: Newton steps along the normals to the label's volume: 2 suffice except for labels of a few voxels.
 OFFSETS = 4

@@ -20,7 +20,8 @@ from vtkmuscle.filters.template_fitter import TemplateFitter
 #: Least filled part of a muscle's sections across straight fibres. Blocks between plates, bipennate, pennate
 #: and parallel, have 0.74, 0.9 and 1, a measured gastrocnemius 2.4, spindles 0.06 to 0.2, a fan 0.54.
 LEAST_FILLED = 0.6
-#: Largest part of straight fibres outside of the muscle.
+#: Largest part of straight fibres outside of the muscle. Of muscles that straight fibres fill, phantoms of
+#: parallel fibres have 0, 15 real ones 0.17 to 1.
 MOST_LEAVING = 0.1
 
 

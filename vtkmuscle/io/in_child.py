@@ -142,7 +142,8 @@ def read(path: str, module: str, name: str) -> tuple[str, str, bytes]:
     return kind, "", content.encode() if isinstance(content, str) else content
 
 
-#: Time limit for a file [s], and the least speed for large files [bytes/s].
+#: Time limit for a file [s], and the least speed for large files [bytes/s]: on a busy machine a process
+#: starts in 0.8 s and reads 3 MB in half a second.
 LONGEST, _SPEED = 20.0, 1e7
 
 _REMEDY = "export it again, and check that its suffix is that of its format"

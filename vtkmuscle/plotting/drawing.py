@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from vtkmuscle.plotting.studio import Studio
 
 
-PREFLIGHT_TIMEOUT = 120.0  # seconds; a first import from a cold disk is slow
+PREFLIGHT_TIMEOUT = 120.0  # seconds; a test picture takes 1 s, a first import from a cold disk more
 #: Renders a tiny picture; ends with status 3 if the picture is empty.
 TEST_PICTURE = """
 sys.modules["numpy"] = None  # VTK would load it, which takes longer than all else here

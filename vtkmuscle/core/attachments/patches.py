@@ -64,7 +64,7 @@ def geodesic_curve(points: Floats, edges: Ints, vertices: Ints, *, closed: bool)
 #: factor of ten or more.
 FARTHEST = 0.2
 #: Share of the surface below which the smaller side of a ring is certainly its inside: the rest of a muscle
-#: that lies on its bone is as near.
+#: that lies on its bone is as near. With 0 to 1 areas of 20 muscles of hips, knees and arms are the same.
 CLEAR_SHARE = 0.2
 #: Least approach to the bone by a step along the normal of a facing point, as a part of the step; a point
 #: that faces away recedes as much. Points between are on the rim of the muscle. If all points faced the bone,

@@ -19,9 +19,11 @@ from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_poin
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Cells of the field along the diagonal of a bone's box along its axes: 1.3 mm on a pelvis, 1.5 on a femur.
+#: With twice as many mean moment arms of two muscles of a hip change by up to 0.6 mm, lengths by 0.13 mm.
 CELLS_PER_DIAGONAL = 300.0
 
 #: Reach of the field beyond the bone's box, in diagonals of the box; farther away each point is measured.
+#: With half of it lengths of a hip change by rounding.
 REACH = 0.25
 
 #: Step of the nodes that bound the distances of far points: few of these nodes bound them all.

@@ -13,7 +13,7 @@ from vtkmuscle.core.bones.lookup import STEEPEST, Field, distance_and_normal, di
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
-from vtkmuscle.core.types import MOST_ROUNDS, SAME, Bools, Floats
+from vtkmuscle.core.types import MOST_ROUNDS, ROUNDING, SAME, Bools, Floats
 
 #: A muscle with more than this part of its free points in a bone at rest is swallowed by it: 14 muscles of
 #: a hip, a knee and an arm have at most 0.17.
@@ -44,7 +44,7 @@ class BoneBoxes:
         middles = (mine[:, :3, :3] @ self._middles)[:, :, 0] + mine[:, :3, 3] - centre
         halves = (np.abs(mine[:, :3, :3]) @ self._halves)[:, :, 0]
         # A box without extent must not be missed for a rounding error.
-        halves += 1e-9 * (np.abs(middles) + np.abs(centre) + halves)
+        halves += ROUNDING * (np.abs(middles) + np.abs(centre) + halves)
         return middles - halves, middles + halves
 
 

@@ -9,9 +9,10 @@ import numpy as np
 
 from vtkmuscle.core.jit import kernel, lane
 from vtkmuscle.core.mesh.tree_search import distance2_to_box
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import SAME, Floats, Ints
 
-#: A coarse node is every fourth node along each axis: its distance bounds those of all around it.
+#: A coarse node is every fourth node along each axis: its distance bounds those of all around it. With 2 and
+#: 8 no length or moment arm of a hip changes.
 COARSE = 4
 
 #: Largest error of a trilinear value [cells]: no distance grows faster than the way, and the mean way from a
@@ -21,7 +22,8 @@ FIELD_ERROR = 3.0**0.5 / 2.0
 #: Largest growth of the trilinear value over a way: along each axis a value grows no faster than the way.
 STEEPEST = 3.0**0.5
 
-#: A direction shorter than this, instead of 1, lies on a ridge.
+#: A direction shorter than this, instead of 1, lies on a ridge. With half and twice of it moment arms of four
+#: muscles of a hip and a knee are the same; means of a supraspinatus without room change by 0.02 and 0.3 mm.
 _FLAT = 0.2
 
 Integer: TypeAlias = int | np.int64
@@ -121,7 +123,7 @@ def distance_and_normal(field: Field, at: Floats, normal: Floats) -> float:
         dz = distance_at(field, x, y, z + cell) - here
         length = np.sqrt(dx * dx + dy * dy + dz * dz)
     scale = 1.0 / length
-    if not length > 1e-6 * cell:
+    if not length > SAME * cell:
         dx, dy, dz, scale = 0.0, 0.0, 0.0, 0.0
     normal[0], normal[1], normal[2] = scale * dx, scale * dy, scale * dz
     return here

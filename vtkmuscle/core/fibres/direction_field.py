@@ -15,7 +15,8 @@ NEIGHBOURS = 8
 #: Longest piece of a segment, in fibre spacings: without cuts 400 fibres of two points take 8 times as long;
 #: largest number of pieces, about; segments from which the spacing is measured.
 PIECE, MOST_PIECES, SAMPLES = 4.0, 2**20, 256
-#: Candidate segments of the first search, per neighbour; most positions times segments at once (40 MB).
+#: Candidate segments of the first search, per neighbour (with 1 a search takes a quarter longer); most
+#: positions times segments at once (40 MB).
 CANDIDATES, AT_ONCE = 4, 2**18
 
 

@@ -18,7 +18,7 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.polylines import evenly_spaced, smooth_polylines, stations_of
 from vtkmuscle.core.mesh.sampling import space_order
 from vtkmuscle.core.mesh.surface import sorted_into_bins
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import ROUNDING, Floats, Ints
 
 
 def smooth_about_course(points: Floats, offsets: Ints, k: float, passes: int) -> Floats:
@@ -181,7 +181,7 @@ def _pull(
     nearest = 0  # the node nearest to the sample before bounds the search
     for number in range(len(samples)):
         x, y, z = samples[number, 0], samples[number, 1], samples[number, 2]
-        farthest = _square_to(nodes, nearest, x, y, z) * (1.0 + 1e-9) + band
+        farthest = _square_to(nodes, nearest, x, y, z) * (1.0 + ROUNDING) + band
         reach = np.sqrt(farthest)
         first, last = max(int((z - reach - lz) * scale), 0), min(int((z + reach - lz) * scale), nz - 1)
         bottom, top = max(int((y - reach - ly) * scale), 0), min(int((y + reach - ly) * scale), ny - 1)
@@ -199,7 +199,7 @@ def _pull(
         for k in range(1, count):
             if squares[k] < least:
                 least, nearest = squares[k], candidates[k]
-        farthest = least * (1.0 + 1e-9) + band
+        farthest = least * (1.0 + ROUNDING) + band
         total = 0.0
         for k in range(count):
             total += max(farthest - squares[k], 0.0)

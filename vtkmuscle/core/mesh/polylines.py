@@ -14,7 +14,8 @@ def polyline_lengths(points: Floats, offsets: Ints) -> Floats:
     return np.add.reduceat(segment_lengths(points, offsets)[0], offsets[:-1])
 
 
-#: Cosine of the least turn of a corner, 30 degrees; smaller turns belong to a curve.
+#: Cosine of the least turn of a corner, 30 degrees; smaller turns belong to a curve. With 15 and 60 degrees
+#: mean pennations of four muscles of a hip and a knee change by at most 1.1 and 0.5 degrees.
 CORNER = 0.5 * 3.0**0.5
 
 
@@ -157,7 +158,8 @@ def segment_distances(points: Floats, a: Floats, b: Floats) -> Floats:
 
 
 #: Part of a path on either side of a turn, and the turn [degrees]: a taut path is straight where no bone
-#: presses, and tissue alone bends the paths of a hip by less.
+#: presses. In nine muscles of a hip, an arm and a leg up to 20 % of the paths turn so round bones or tissue,
+#: by 30 degrees nearly all and by 90 none; 72 % over a fifth of the path, 2 % over a twentieth.
 TURNED_PART, TURNED = 0.1, 60.0
 
 

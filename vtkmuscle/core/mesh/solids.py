@@ -17,7 +17,7 @@ from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
 
 #: Distance of points too far to matter, or not yet computed.
 FAR = 1e30
-#: Least part of a surface's triangles in a piece of its own: smaller ones are crumbs of a segmentation.
+#: Least part of a surface's triangles in a piece of its own: crumbs have less, pieces of eight bones 9 %.
 LEAST_PIECE = 0.02
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import ROUNDING, Floats, Ints
 
 
 def twist_about(centre: ArrayLike, axis: ArrayLike) -> Floats:
@@ -95,7 +95,7 @@ class Coordinate:
     @property
     def changes(self) -> bool:
         """True for several values, up to rounding."""
-        return bool(np.ptp(self.values) > 1e-9 * max(1.0, float(np.abs(self.values).max())))
+        return bool(np.ptp(self.values) > ROUNDING * max(1.0, float(np.abs(self.values).max())))
 
     def part(self, frames: Ints) -> Self:
         """Return the coordinate in some poses, by number."""

@@ -23,11 +23,9 @@ PUSH = 100.0
 #: a point that comes and goes does so smoothly.
 ROUNDING = 0.02
 
-#: A bone's curvature counts fully at a point beside which the bone presses at least this part as hard.
+#: A bone's curvature counts fully at a point beside which the bone presses at least this part as hard. With
+#: half and twice of it phantoms take 1 % more steps, with 1 4 %; errors are the same.
 LEAST_BESIDE = 0.1
-
-#: Part of the springs' stiffness that the curvature of a bone may take away, at most.
-LARGEST_BEND = 0.5
 
 
 class Proximity(NamedTuple):
@@ -248,7 +246,7 @@ def _bend(p: Floats, normals: Floats, i: int, force: float, block: Floats) -> No
         inward += normals[i, c] * (2.0 * p[i, c] - p[i - 1, c] - p[i + 1, c])
     # No more than the springs press: what else does, in a pose that is not settled, must not turn them round.
     bend = min(force, max(inward, 0.0)) * curve / length2
-    bend = min(max(bend, -LARGEST_BEND), LARGEST_BEND)
+    bend = min(max(bend, -1.0), 1.0)  # of the two springs' stiffness one is left, at least
     if length2 > 0.0:
         length = np.sqrt(length2)
         add_direction(block, -bend, u / length, v / length, w / length)

@@ -12,10 +12,11 @@ from vtkmuscle.core.mesh.polylines import smooth_polylines
 from vtkmuscle.core.mesh.surface import MeshTopology
 from vtkmuscle.core.types import ROUNDING, Floats, Ints
 
-#: Lines that stand in for fibres, about.
-STAND_INS = 64
+#: Lines that stand in for fibres, about: 16 phantoms come to rest with 32, and with 64 all but two.
+STAND_INS = 32
 
-#: Passes of averaging that take the zigzag of a mesh's edges out of a line.
+#: Passes of averaging that take the zigzag of a mesh's edges out of a line. With half and twice of them mean
+#: errors of three phantoms in lengths and levers are 4.0 and 3.3 mm instead of 3.6.
 _PASSES = 10
 
 #: What is no length at all is divided by this instead.

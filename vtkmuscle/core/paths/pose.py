@@ -290,10 +290,10 @@ class SheetPose:
 def _rate(slopes: Sequence[float]) -> tuple[float, float]:
     """Return the ratio of coming steps to those before, and the square of the last, as a geometric series.
 
-    Slopes are minus squares of steps. The larger of the last two ratios counts, and none is larger than that
-    of a series that ends within :data:`ITERATIONS`: steps that are rounding have any ratio.
+    Slopes are minus squares of steps. The larger of the last two ratios counts, but all steps to come are no
+    longer than :data:`ITERATIONS` last ones: steps that are rounding have any ratio.
     """
-    slowest = 1.0 - 1.0 / ITERATIONS
+    slowest = ITERATIONS / (ITERATIONS + 1.0)
     ratios = [slowest, *(math.sqrt(after / before) for before, after in pairwise(slopes))]
     return min(max(ratios[-2:]), slowest), -slopes[-1]
 

@@ -12,7 +12,7 @@ from scipy.spatial.distance import cdist
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
-from vtkmuscle.core.types import SAME, Floats, Ints
+from vtkmuscle.core.types import ROUNDING, SAME, Floats, Ints
 
 #: The thickness of the tissue between a fibre and a bone is smoothed along the fibre by a Gaussian of this
 #: standard deviation, as a part of its length. With half and twice of it mean moment arms of a hip change by
@@ -150,7 +150,7 @@ def smoothed_along(values: Floats) -> Floats:
     whole length, whatever the number of points.
     """
     variance = (THICKNESS_SMOOTHING * (values.shape[1] - 1)) ** 2
-    passes = math.ceil(2.0 * variance - 1e-9)
+    passes = math.ceil(2.0 * variance - ROUNDING)
     result = values.copy()
     for _ in range(passes):
         bend = result[:, :-2] - 2.0 * result[:, 1:-1] + result[:, 2:]

@@ -88,7 +88,9 @@ class Parameter(Declaration, Generic[T]):
     def __set__(self, instance: Filter, value: T) -> None:
         checked = self.check(value, type(instance).__name__)
         values = instance._parameter_values
-        if not _same(values[self.name], checked):
+        old = values[self.name]
+        plain = type(old) is type(checked) and isinstance(old, (bool, int, float, str, tuple))
+        if not (old is checked or (plain and old == checked)):
             values[self.name] = checked
             instance.Modified()
         for other, preset in self.group(checked).items():
@@ -182,9 +184,3 @@ def _plain(value: Any, kind: type[Any]) -> Any:
     if is_number and not math.isfinite(converted):
         raise ValueError
     return converted
-
-
-def _same(old: Any, new: Any) -> bool:
-    """Return whether a value is unchanged; objects compare by identity."""
-    plain = (bool, int, float, str, tuple)
-    return old is new or (isinstance(old, plain) and type(old) is type(new) and bool(old == new))
