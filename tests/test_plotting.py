@@ -160,8 +160,7 @@ def test_places_are_in_the_order_across_the_fibres(seed):
 
 
 def test_one_spike_does_not_flatten_an_axis():
-    rng = np.random.default_rng(0)
-    arms = 40.0 + rng.normal(size=(50, 100))
+    arms = 40.0 + np.random.default_rng(0).normal(size=(50, 100))
     arms[7, 3] = 800.0
     low, high = shown_range(arms, np.full(50, 40.0))
     assert low <= 0.0

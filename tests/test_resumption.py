@@ -38,8 +38,7 @@ def scene(tmp_path_factory):
         spindle, surface=with_points(spindle.surface, points_of(spindle.surface) * (0.9, 0.9, 1.0))
     )
     bare = replace(thin, fibres=None)
-    angle = Coordinate(one.motion.times, "deg", "flexion")
-    motion = replace(one.motion, coordinates={"angle": angle})
+    motion = replace(one.motion, coordinates={"angle": Coordinate(one.motion.times, "deg", "flexion")})
     return replace(one, muscles={"spindle": spindle, "thin": thin, "bare": bare}, motion=motion, files={})
 
 

@@ -156,8 +156,7 @@ def test_a_template_of_ones_own_is_beside_the_scene(scene_file, tmp_path, monkey
     assert Path(named) == (scene_file.parent / "own.json").resolve()
     again = Scene.load(scene.save(elsewhere / "saved"))
     assert again.muscles["spindle"].fibres["template_file"] == named
-    source = FibreTemplateSource(template_file=named, n_fibres=3).update().output
-    assert source.GetNumberOfCells() == 3
+    assert FibreTemplateSource(template_file=named, n_fibres=3).update().output.GetNumberOfCells() == 3
 
 
 def with_template(scene_file, name):
@@ -378,8 +377,7 @@ def test_faults_outside_the_keys_name_the_file(tmp_path, scene_file):
 def test_a_muscle_that_would_overwrite_anothers_files_is_refused(scene_file, name, key):
     """Not every system tells capitals from small letters."""
     text = scene_file.read_text()
-    start = text.index("[muscles.spindle]")
-    block = text[start : text.index("[solver]")]
+    block = text[text.index("[muscles.spindle]") : text.index("[solver]")]
     scene_file.write_text(text.replace(block, block + block.replace("spindle]", f"{name}]")))
     assert failure(scene_file).key == f"muscles.{key}"
 

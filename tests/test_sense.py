@@ -255,8 +255,7 @@ def test_of_a_scene_that_says_its_unit_nothing_is_said(good, units, factor):
 
 
 def test_two_bones_in_one_position_are_said_once(good):
-    bones = {**good.bones, "copy": good.bones["femur"]}
-    _, warned = said(replace(good, bones=bones))
+    _, warned = said(replace(good, bones={**good.bones, "copy": good.bones["femur"]}))
     assert sum("of the bone lies in the bone" in message for message in warned) == 1
 
 

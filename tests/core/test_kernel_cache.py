@@ -165,8 +165,7 @@ def test_processes_that_compile_at_once_find_what_each_made(kernels, toy, loaded
 def test_a_damaged_file_is_compiled_anew_and_found_whole_again(kernels, toy, loaded, length):
     loaded(toy, 3.0)
     (file,) = kernels.rglob("length-*.kernel")
-    whole = file.read_bytes()
-    file.write_bytes(whole[:length])
+    file.write_bytes(file.read_bytes()[:length])
     mended, again = loaded(toy), loaded(toy)
     assert (mended(3.0), again(3.0)) == (6.0, 6.0)
     assert (hits(mended), hits(again)) == (0, 1)

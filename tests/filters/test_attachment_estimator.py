@@ -90,8 +90,7 @@ def test_areas_are_marked_as_estimated_and_have_roles(spindle):
     areas = attachments_of(data, "test")
     assert [area.role for area in areas] == ["origin", "insertion"]
     assert all(area.estimated for area in areas)
-    known = attachments_of(spindle.attachments["spindle"], "test")
-    assert not any(area.estimated for area in known)
+    assert not any(area.estimated for area in attachments_of(spindle.attachments["spindle"], "test"))
 
 
 def test_the_bone_of_the_origin_may_be_given(spindle):

@@ -73,8 +73,7 @@ def test_bipennate_fibres_end_on_the_tendon_in_the_middle():
     lines = arrays.polylines_of(fibres, "fibres").points.reshape(200, -1, 3) - sides(muscle)
     assert np.abs(lines[:, -1, 0] - WIDTH / 2).max() < 0.2
     assert (np.minimum(lines[:, 0, 0], WIDTH - lines[:, 0, 0]) < 0.2).all()
-    length = np.hypot(WIDTH / 2, LENGTH / 2)
-    assert np.median(lengths_of(fibres)) == pytest.approx(length, rel=0.02)
+    assert np.median(lengths_of(fibres)) == pytest.approx(np.hypot(WIDTH / 2, LENGTH / 2), rel=0.02)
 
 
 def test_a_muscle_is_filled_by_the_way_that_suits_it(block):

@@ -30,8 +30,7 @@ def test_without_a_deformation_fibres_come_back_also_those_outside(fibres, muscl
 
 def test_rest_lengths_are_added_and_other_arrays_kept(fibres, muscle):
     add_arrays(fibres, cells={"FibreId": np.array([4, 5, 6])})
-    deformed = with_points(muscle, 0.5 * points_of(muscle))
-    moved = FibreTransport()(fibres, muscle, deformed)
+    moved = FibreTransport()(fibres, muscle, with_points(muscle, 0.5 * points_of(muscle)))
     expected = np.linalg.norm(np.diff(points_of(fibres).reshape(3, 9, 3), axis=1), axis=2).sum(axis=1)
     assert_allclose(cell_array(moved, "RestLength", ""), expected, rtol=1e-12)
     assert_array_equal(cell_array(moved, "FibreId", ""), [4, 5, 6])

@@ -25,8 +25,7 @@ def test_a_surface_is_where_the_image_is_and_faces_outward():
     frame[:3, :3] = turn * [1.0, 1.0, 2.0]
     frame[:3, 3] = (100.0, -200.0, 300.0)
     points, triangles = checked_surface(surface_of(BALL, frame), "ball")
-    inside = BALL.sum() * 2.0
-    assert signed_volume(points, triangles) == pytest.approx(inside, rel=1e-3)
+    assert signed_volume(points, triangles) == pytest.approx(BALL.sum() * 2.0, rel=1e-3)
     back = (points - frame[:3, 3]) @ np.linalg.inv(frame[:3, :3]).T
     assert back.mean(axis=0) == pytest.approx([14.5] * 3, abs=0.1)
     assert np.linalg.norm(back - 14.5, axis=1) == pytest.approx(10.2, abs=0.6)
@@ -82,8 +81,7 @@ def test_a_label_without_a_surface_is_refused_with_the_reason(monkeypatch):
 
 
 def test_labels_are_chosen_by_name():
-    image = label_map(spindle_over_hinge(), spacing=4.0)
-    chosen = LabelSurfaces(labels="spindle, distal")(image)
+    chosen = LabelSurfaces(labels="spindle, distal")(label_map(spindle_over_hinge(), spacing=4.0))
     assert [name for name, _ in blocks_of(chosen)] == ["spindle", "distal"]
 
 

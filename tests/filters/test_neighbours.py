@@ -92,8 +92,7 @@ def two_spindles(contact, *, apart=33.0):
     motion = RigidMotion(
         phantom.motion.times[::6], {bone: table[::6] for bone, table in phantom.motion.transforms.items()}
     )
-    muscles = {"front": front, "back": back}
-    return Scene("two", phantom.bones, muscles, motion, muscle_contact=contact)
+    return Scene("two", phantom.bones, {"front": front, "back": back}, motion, muscle_contact=contact)
 
 
 @BESIDE_ITS_BONES

@@ -114,10 +114,15 @@ def test_a_straight_cylinder_is_decimated_to_even_triangles_and_keeps_its_edges(
     muscle = arrays.surface_from(points, triangles)
     arrays.add_arrays(muscle, points={"FixedTo": fixed_to(points)})
     fibres = lines_of([[[x, 0, -50], [x, 0, 50]] for x in np.linspace(-6, 6, 9)])
+<<<<<<< HEAD
     out = deformer_of(muscle, fibres=fibres).update(30.0).output
     assert arrays.field_array(out, "EdgeStretchMax")[0] < 1.5
     few = deformer_of(muscle, fibres=fibres, solved_triangles=12).update(30.0).output
     assert np.abs(arrays.points_of(few) - arrays.points_of(out)).max() < 20.0  # fewer than the 16 carriers
+=======
+    deformer = deformer_of(muscle, fibres=fibres)
+    assert arrays.field_array(deformer.update(30.0).output, "EdgeStretchMax")[0] < 1.5
+>>>>>>> 82baf5289ce8d05d3e5dbf9f49b9e4503d698944
 
 
 @pytest.mark.parametrize("collision", ["sdf", "voxel"])
@@ -184,8 +189,7 @@ def test_penetration_is_that_of_the_free_points_in_the_exact_bone(collision):
 def test_before_the_first_step_is_one_step_from_rest(counted_poses):
     late = RigidMotion(np.array([1.0, 2.0]), {"upper": MOTION.transforms["upper"][3:]})
     deformer = deformer_of(motion=late)
-    early = frame(deformer, 0.0)
-    assert np.array_equal(early, frame(deformer, 1.0))
+    assert np.array_equal(frame(deformer, 0.0), frame(deformer, 1.0))
     assert counted_poses == [20.0, 20.0]
 
 

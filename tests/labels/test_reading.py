@@ -49,8 +49,7 @@ def test_a_map_is_read_where_it_is(write, tmp_path, suffix):
 
 
 def test_names_are_those_of_totalsegmentator_in_the_header(write, tmp_path):
-    path = write(tmp_path / "map.nii")
-    content = bytearray(path.read_bytes())
+    content = bytearray(write(tmp_path / "map.nii").read_bytes())
     words = b'<LabelTable><Label Key="1" Red="0"><![CDATA[femur_left]]></Label><Label Key="2">sacrum</Label>'
     words += b" " * (-(8 + len(words)) % 16)
     content[108:112] = struct.pack("<f", 352 + 8 + len(words))

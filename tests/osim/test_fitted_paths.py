@@ -72,8 +72,7 @@ def bowed(tips):
 
 def fibre_of(path, n_between=5):
     """Return points (f, n, 3) along a path over fixed points."""
-    poses = leg().poses(GRID)
-    corners = np.stack(places_of(path.points, poses), axis=1)
+    corners = np.stack(places_of(path.points, leg().poses(GRID)), axis=1)
     parts = [corners[:, :1]]
     for i in range(corners.shape[1] - 1):
         t = np.linspace(0, 1, n_between + 1)[1:, None]

@@ -50,8 +50,7 @@ def test_a_path_that_is_far_from_the_run_is_a_warning(tmp_path):
     """An error of 15 % of the moment arms, of a grid of eight poses, was a number among others."""
     save_strap(tmp_path / "strap", n_fibres=10)
     grid = {"grid": {"upper": [-30, 60, 90], "lower": [-60, 90, 50]}}
-    path = scene_with(tmp_path / "strap", tmp_path, motion=grid, deformer="none")
-    result = Scene.load(path).run()
+    result = Scene.load(scene_with(tmp_path / "strap", tmp_path, motion=grid, deformer="none")).run()
     with pytest.warns(UserWarning, match="moment arms of 'strap' as written are wrong by .* more poses"):
         (muscle,) = export(result, tmp_path / "strap.xml", kind=GEOMETRY_ONLY)
     arms = result.moment_arms()["strap"]

@@ -72,8 +72,7 @@ def strap_over_two_joints(*, coordinates: ArrayLike | None = None) -> Phantom:
 
 def strap_length(upper: float, lower: float) -> float:
     """Return the length of the strap's middle line [mm] at angles [degrees] that it wraps both rollers at."""
-    wraps = np.radians([WRAPS[0] - upper, WRAPS[1] + lower])
-    return sum(PARTS) + float(np.array(ARMS) @ wraps)
+    return sum(PARTS) + float(np.array(ARMS) @ np.radians([WRAPS[0] - upper, WRAPS[1] + lower]))
 
 
 def _loop() -> Floats:

@@ -78,8 +78,7 @@ def volume_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> fl
     """Return the volume of :func:`solid_of_revolution`, a sum over frustums [mm^3]."""
     h, r = np.asarray(heights, dtype=np.float64), np.asarray(radii, dtype=np.float64)
     polygon = sides / 2.0 * np.sin(2.0 * np.pi / sides)
-    squares = r[:-1] ** 2 + r[:-1] * r[1:] + r[1:] ** 2
-    return float(polygon / 3.0 * np.diff(h) @ squares)
+    return float(polygon / 3.0 * np.diff(h) @ (r[:-1] ** 2 + r[:-1] * r[1:] + r[1:] ** 2))
 
 
 def box(lower: ArrayLike, upper: ArrayLike, spacing: float) -> tuple[Floats, Ints]:

@@ -80,8 +80,7 @@ class Table(Remedies, Mapping[str, NDArray[Any]]):
     def __getitem__(self, column: str) -> NDArray[Any]:
         if column not in self._names:
             raise KeyError(f"the table has no column {column!r}; {suggestion(str(column), self)}")
-        i = self._names.index(column)
-        return np.concatenate([part[i].ravel() for part in self._parts])
+        return np.concatenate([part[self._names.index(column)].ravel() for part in self._parts])
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)

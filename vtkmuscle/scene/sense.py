@@ -266,8 +266,7 @@ def _steps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     if len(steps) < 3:
         return
     near = [np.delete(steps[max(0, i - 3) : i + 4], min(i, 3)).max() for i in range(len(steps))]
-    least = limits["step"] / limits["times"]
-    odd = np.where(steps > limits["step"], steps / np.maximum(near, least), 0.0)
+    odd = np.where(steps > limits["step"], steps / np.maximum(near, limits["step"] / limits["times"]), 0.0)
     worst = int(odd.argmax())
     alone = (steps > 0.5 * steps[worst]).sum() == 1  # the slow coordinate of a grid steps again
     if odd[worst] > limits["times"] and alone:

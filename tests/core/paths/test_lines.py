@@ -81,8 +81,7 @@ def test_stand_ins_lead_over_the_surface_from_bone_to_bone(strap):
     assert {fixed[tuple(p)] for p in end} == {1}
     lengths = [np.linalg.norm(np.diff(points[a:b], axis=0), axis=1).sum() for a, b in pairwise(offsets)]
     # From the rim of one attachment to that of the other: the strap's ends are attached by their faces.
-    known = made.phantom.known["length"](0.0)
-    assert np.median(lengths) == pytest.approx(known, rel=0.08)
+    assert np.median(lengths) == pytest.approx(made.phantom.known["length"](0.0), rel=0.08)
 
 
 def test_stand_ins_move_with_the_muscle(strap):

@@ -115,8 +115,7 @@ def test_the_wound_strap_has_its_moment_arm_at_every_angle():
 def test_the_strap_leaves_its_roller_and_has_the_moment_arm_of_the_straight_way():
     known = strung_phantom("lifting_strap").phantom.known
     at = angles(0.0, 70.0)
-    paths = known_paths("lifting_strap")
-    states = swept(paths, turned("lifting_strap", {}, "distal", at))
+    states = swept(known_paths("lifting_strap"), turned("lifting_strap", {}, "distal", at))
     depths = (-3.0, 0.0, 3.0)
     expected = [np.mean([known["length"](q, depth) for depth in depths]) for q in at]
     np.testing.assert_allclose(lengths(states).mean(axis=1), expected, rtol=0.005)

@@ -17,8 +17,7 @@ def between(make, across, outward, bone):
     shape = made.bones[made.names.index(bone)]
     muscle = triangle_tree(made.points, made.triangles)
     depth = muscle.depth(fibres.reshape(-1, 3)).reshape(fibres.shape[:2])
-    found = tissue_between(fibres, directions_along(fibres), depth, shape, muscle)
-    return made, fibres, found
+    return made, fibres, tissue_between(fibres, directions_along(fibres), depth, shape, muscle)
 
 
 def test_a_strap_on_a_cylinder_has_the_same_thickness_below_its_fibres_along_all_of_it():
