@@ -114,15 +114,10 @@ def test_a_straight_cylinder_is_decimated_to_even_triangles_and_keeps_its_edges(
     muscle = arrays.surface_from(points, triangles)
     arrays.add_arrays(muscle, points={"FixedTo": fixed_to(points)})
     fibres = lines_of([[[x, 0, -50], [x, 0, 50]] for x in np.linspace(-6, 6, 9)])
-<<<<<<< HEAD
     out = deformer_of(muscle, fibres=fibres).update(30.0).output
     assert arrays.field_array(out, "EdgeStretchMax")[0] < 1.5
     few = deformer_of(muscle, fibres=fibres, solved_triangles=12).update(30.0).output
     assert np.abs(arrays.points_of(few) - arrays.points_of(out)).max() < 20.0  # fewer than the 16 carriers
-=======
-    deformer = deformer_of(muscle, fibres=fibres)
-    assert arrays.field_array(deformer.update(30.0).output, "EdgeStretchMax")[0] < 1.5
->>>>>>> 82baf5289ce8d05d3e5dbf9f49b9e4503d698944
 
 
 @pytest.mark.parametrize("collision", ["sdf", "voxel"])
