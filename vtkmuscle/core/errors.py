@@ -71,8 +71,7 @@ def errors_at(where: str) -> Iterator[None]:
 def fault_of(error: Exception, *, placed: bool = False) -> tuple[str, str]:
     """Return the problem and remedy of an error.
 
-    Each text is a single line. The remedy may be "". With ``placed`` the problem begins with the error's
-    ``where``.
+    Each text is a single line. The remedy may be "". With ``placed`` the problem begins with ``where``.
     """
     problem, remedy = str(error), ""
     if isinstance(error, _FieldsError):

@@ -6,8 +6,7 @@ Division by zero follows IEEE 754, as in numpy, without an exception.
 
 Numba's cache looks at the file of a function alone, but constants and inlined functions of further files
 become part of the machine code. So kernels are kept in a folder named after the content of the kernels' file
-and of all directly or indirectly imported files of the package. Equal copies of the package share the
-folder.
+and of all directly or indirectly imported files of the package. Equal copies share the folder.
 
 A file per signature: several processes may write at once. Damaged files are compiled anew.
 """

@@ -224,8 +224,7 @@ def centroid_axis(origin: Floats, insertion: Floats) -> Floats:
 def principal_axis(points: Floats, origin: Floats, insertion: Floats) -> Floats:
     """Return the principal axis of points, a unit vector (3,).
 
-    The eigenvector of the covariance's largest eigenvalue, directed from the origin's to the insertion's
-    centroid.
+    The eigenvector of the covariance's largest eigenvalue, from the origin's to the insertion's centroid.
     """
     axis: Floats = np.linalg.eigh(np.cov(points.T))[1][:, -1]
     return axis if axis @ (insertion.mean(axis=0) - origin.mean(axis=0)) >= 0.0 else -axis

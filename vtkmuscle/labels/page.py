@@ -50,8 +50,7 @@ def init(
 ) -> Draft:
     """Write a scene.toml from meshes and landmarks, guessing missing input.
 
-    The draft's ``file`` is the scene.toml; ``guesses`` have a confidence each, ``left_out`` the reasons by
-    muscle.
+    The draft's ``file`` is the scene.toml; ``guesses`` have confidences, ``left_out`` reasons by muscle.
 
     Parameters
     ----------

@@ -128,8 +128,7 @@ def hip(*, angles: ArrayLike = ANGLES, head_radius: float = HEAD_RADIUS, detail:
     head_radius : float, optional
         Of the femoral head [mm]; the socket goes with the head.
     detail : float, optional
-        Number of triangles, as a part of the default: about 14 000 in the pelvis, 7000 in the femur, 3000 in
-        each muscle.
+        Number of triangles, as a part of 14 000 in the pelvis, 7000 in the femur, 3000 in a muscle.
 
     Examples
     --------

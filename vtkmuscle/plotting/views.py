@@ -114,8 +114,7 @@ NEUTRAL = "#9a9590"
 FIBRE_MAP = "coolwarm"
 #: Positions across a muscle.
 PLACE_MAP = "viridis"
-#: Colours of Okabe and Ito, distinguishable for colour-blind readers; bones and muscles use the colours in
-#: turn.
+#: Colours of Okabe and Ito, distinguishable for colour-blind readers, which bones and muscles use in turn.
 PALETTE = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442")
 
 

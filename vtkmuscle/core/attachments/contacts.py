@@ -79,8 +79,7 @@ def attached_ends(
     between : sequence of str, bones of attachment, if given: up to two;
     bodies : sequence of sequence of str, groups of bones that move together.
 
-    Raises a ValueError if fewer than two bones are near, the muscle connects no two bones, or ends far from
-    them.
+    Raises a ValueError if fewer than two bones are near, or the muscle connects no two or ends far from them.
     """
     edges = unique_edges(triangles)
     lengths = edge_lengths(points, edges)

@@ -93,8 +93,7 @@ def attachment_patch(
     bone_distance : callable, from points (j, 3) to distances (j,) from the bone, negative inside; by default
         landmarks go to either side of the muscle, and the smaller side of a ring is its inside.
 
-    Raises a ValueError if a landmark is too far from the muscle, or neighbours are on unconnected parts of
-    the muscle.
+    Raises a ValueError if a landmark is too far from the muscle, or neighbours are on unconnected parts.
     """
     edges, edge_of = surfaces.numbered_edges(triangles)
     usual = float(surfaces.edge_lengths(points, edges).mean())

@@ -33,8 +33,7 @@ class Field(NamedTuple):
     """The known part of a bone's field, for kernels.
 
     Positions are along the bone's axes [mm]. A look-up that needs an unknown node gives NaN, and notes the
-    node in ``lacking``. A caller with nodes in ``lacking`` lets the bone fill the nodes, and repeats the
-    look-ups.
+    node in ``lacking``. A caller with nodes in ``lacking`` lets the bone fill them, and repeats look-ups.
     """
 
     nodes: Floats  # (a, b, c), signed distance at each node [mm], 0 where unknown

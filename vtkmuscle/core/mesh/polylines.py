@@ -41,8 +41,7 @@ def inner_points(offsets: Ints) -> Ints:
 def points_at_arcs(points: Floats, offsets: Ints, arcs: Floats) -> Floats:
     """Return points of polylines at arc lengths. Points (m, k, 3), arcs (m, k).
 
-    Arc lengths count from the first point of each line; beyond a line they give its ends. A line has at least
-    one point.
+    Arc lengths count from the first point of each line; beyond a line they give its ends. A line has a point.
     """
     lengths, along = segment_lengths(points, offsets)
     firsts, wanted = offsets[:-1, None], arcs + along[offsets[:-1], None]

@@ -38,8 +38,7 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
     In an open surface, points (n, 3) and triangles (m, 3), equal points merge. Triangles of a part turn to
     agree about their side. A hole is closed by triangles from its rim to the rim's centre. A part that faces
     inward is turned, so a hollow in a bone counts as filled. Each kind of defect has a remark; a hollow has
-    no remark. A ValueError says that there is no triangle of three different points, or a coordinate is not
-    finite.
+    no remark. A ValueError says that no triangle has three different points, or a coordinate is not finite.
     """
     points = np.asarray(points, dtype=np.float64)
     triangles = _proper(np.asarray(triangles, dtype=np.int64).reshape(-1, 3))
@@ -146,8 +145,7 @@ def _consistent(triangles: Ints) -> tuple[Ints, int]:
 
     Neighbours share an edge of two triangles. Each triangle is two nodes, as given and turned, and an edge
     joins agreeing nodes: an orientable part has two components, each the reverse of the other, and the
-    component that turns fewer triangles is taken. A part of a single component, such as a Möbius strip, stays
-    as given.
+    component that turns fewer triangles is taken. A part of one component, as a Möbius strip, stays as given.
     """
     numbers, directions = numbered_edges(triangles)[1], _directions(triangles).reshape(-1)
     order, count = np.argsort(numbers, kind="stable"), len(triangles)

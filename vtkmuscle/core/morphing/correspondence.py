@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.types import ROUNDING, SAME, FloatMap, Floats, Ints
 
 #: Candidate starts of a loop, and the least number of its segments. With 64 mean lengths of fibres in ten
@@ -84,30 +84,23 @@ def cyclic_products(first: Floats, second: Floats) -> Floats:
     return np.asarray(np.fft.irfft(spectra.sum(axis=2), n, axis=1) / n)
 
 
-@array_kernel
 def _cheapest_chain(costs: Floats, twists: Floats) -> Ints:
     """Return the chain p of least sum costs[j, p_j] + twists[j - 1, (p_j - p_{j-1}) mod n] over j."""
-    chain, before, best = np.empty(len(costs), np.int64), np.empty(costs.shape, np.int64), costs[0].copy()
-    for j in range(1, len(costs)):
-        least = np.full(len(best), np.inf)
-        for q in range(len(best)):
-            for p in range(len(best)):  # the index p - q may count from the end
-                if best[q] + twists[j - 1, p - q] < least[p]:
-                    least[p], before[j, p] = best[q] + twists[j - 1, p - q], q
-        best = costs[j] + least
-    chain[-1] = best.argmin()
-    for j in range(len(costs) - 1, 0, -1):
-        chain[j - 1] = before[j, chain[j]]
-    return chain
+    n, best, predecessors = costs.shape[1], costs[0], []
+    for cost, twist in zip(costs[1:], twists, strict=True):
+        turned = np.lib.stride_tricks.sliding_window_view(np.tile(twist, 2), n)[n:0:-1]
+        totals = best[:, None] + turned
+        predecessors.append(totals.argmin(axis=0))
+        best = cost + totals.min(axis=0)
+    chain = [best.argmin()]
+    for predecessor in reversed(predecessors):
+        chain.append(predecessor[chain[-1]])
+    return np.array(chain[::-1], dtype=np.int64)
 
 
-@array_kernel
 def loop_lengths(loop: Floats) -> Floats:
     """Return arc lengths (n + 1,) up to each vertex of a loop (n, k), and the perimeter as the last."""
-    lengths = np.zeros(len(loop) + 1)
-    for i in range(len(loop)):
-        lengths[i + 1] = lengths[i] + math.sqrt(((loop[i + 1 - len(loop)] - loop[i]) ** 2).sum())
-    return lengths
+    return np.append(0.0, np.cumsum(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1)))
 
 
 def boundary_centroids(loops: Sequence[Floats]) -> Floats:
@@ -133,18 +126,13 @@ def points_at(loop: Floats, lengths: Floats, arcs: Floats) -> Floats:
     return np.column_stack([np.interp(along, lengths, column) for column in closed.T])
 
 
-@array_kernel
 def nearest_arc(loop: Floats, lengths: Floats, target: Floats) -> float:
     """Return the arc length nearest to a point (k,). Loop (n, k)."""
-    least, nearest = np.inf, 0.0
-    for i in range(len(loop)):
-        step = loop[i + 1 - len(loop)] - loop[i]
-        share = ((target - loop[i]) * step).sum() / max((step * step).sum(), 1e-300)
-        share = min(max(share, 0.0), 1.0)
-        apart = ((loop[i] + share * step - target) ** 2).sum()
-        if apart < least:
-            least, nearest = apart, lengths[i] + share * (lengths[i + 1] - lengths[i])
-    return nearest
+    steps = np.roll(loop, -1, axis=0) - loop
+    squares = np.maximum((steps**2).sum(axis=1), np.finfo(float).tiny)
+    shares = (((target - loop) * steps).sum(axis=1) / squares).clip(0.0, 1.0)
+    nearest = ((loop + shares[:, None] * steps - target) ** 2).sum(axis=1).argmin()
+    return float(lengths[nearest] + shares[nearest] * (lengths[nearest + 1] - lengths[nearest]))
 
 
 def refined_loop(loop: Floats, count: int) -> Floats:

@@ -18,7 +18,9 @@ from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
 from vtkmuscle.core.types import GRAIN, ROUNDING, SAME, Floats, Ints
 
 #: Parallel planes do not suit a muscle whose course exceeds an angle to the box's axis [degrees] over more
-#: than a share of its length, or whose main branch has less than a share of the volume.
+#: than a share of its length, or whose main branch has less than a share of the volume. Of 19 real muscles
+#: 18 have shares up to 0.12, a quadratus femoris 0.21, bent phantoms 0.20 to 0.25; with 30 degrees six real
+#: ones exceed 0.15, with 60 no phantom does.
 LARGEST_STEEP_SHARE, STEEP, LEAST_SHARE = 0.15, 45.0, 0.8
 #: Guiding sections at fixed heights, between which starts are interpolated: their number, and the distance of
 #: the first and last from the ends, as a part of the length. With 0.015 single fibres of a hip take other
@@ -105,8 +107,7 @@ def slice_maps(
 class Box:
     """Fitted template's box, with coordinates along its sides.
 
-    A mirroring transform (4, 4) of the unit cube gives left-handed sides, and coordinates of the muscle's
-    mirror image.
+    A mirroring transform (4, 4) of the unit cube gives left-handed sides, and a mirror image's coordinates.
     """
 
     def __init__(self, transform: Floats) -> None:

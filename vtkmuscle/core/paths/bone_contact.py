@@ -133,8 +133,7 @@ class BoneContacts:
 
         The paths have a known proximity, and the bone has a pressure (f, n) on the paths. Normals are
         compared over a cell of the bone's field: flat triangles curve as the bone's surface does. Over a
-        thousandth of a cell a strap on a roller has levers 1 to 4 mm off the roller's radius in 1 or 2 of 100
-        poses.
+        thousandth of a cell a strap on a roller has levers 1 to 4 mm off its radius in 1 or 2 of 100 poses.
         """
         bone, turn = self._bones[k], near.to_axes[k, :3, :3].T @ self._bones[k].axes[:3, :3]
         pressed, shape = np.flatnonzero(pressure), pressure.shape

@@ -135,8 +135,7 @@ def add_neighbours(
 
     E = sum c (a - w d)^2 / 2 + k (s - h / w^2)^2 / 2: a is the distance of two points across the paths, s the
     distance along the paths, d and h are the distances at rest, and w is the mean of the paths' ``widths``
-    (f,). A sheared sheet does not get narrower. The stiffness leaves out turning tangents and changing
-    widths.
+    (f,). A sheared sheet does not get narrower. The stiffness leaves out changes of tangents and widths.
 
     x : (f, n, 3), positions [mm];
     rows : (f n, 8), overwritten as by :func:`write_rows`;

@@ -38,8 +38,7 @@ LEAST_SPACING = 0.5
 #: last digits would say in which direction. If they did, lengths in a knee would change by up to 0.04 mm.
 TOO_NEAR = 0.01
 
-#: Least stretch by which a path widens (a muscle works between about 0.5 and 1.6): a path without length has
-#: no width.
+#: Least stretch by which a path widens (muscles work between about 0.5 and 1.6): without length it has none.
 LEAST_STRETCH = 0.25
 
 #: Pairs of a row, computed side by side: four vectors of eight numbers.

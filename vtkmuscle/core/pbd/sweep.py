@@ -80,8 +80,7 @@ def edge_rows(
     quads : (k, 4) int, ends of each edge and third points of its two triangles, -1 for a missing point;
     mass : (n,), 1 for moveable points, 0 for fixed points; edges of fixed points are left out;
     lengths, stiffness : (k,), rest length [mm], and stiffness per iteration;
-    angles, angle_stiffness : (k,), rest angle [radians], and stiffness per iteration, 0 for an edge without
-        an angle.
+    angles, angle_stiffness : (k,), rest angle [radians], and stiffness per iteration, 0 without an angle.
     """
     n = len(mass)
     masses = np.append(mass, 0.0)[np.where(quads < 0, n, quads)]

@@ -112,8 +112,7 @@ class Settling:
         """Move points out of the bones, in place.
 
         Each point goes to the nearest side of the bone. Where the nearest sides would tear a muscle carried
-        across a bone in two, the ways out diffuse first among the points in the bone, and so the points go
-        the same way.
+        across a bone in two, ways out diffuse first among the points in the bone, to go the same way.
         """
         out = points.copy()
         inside = touching.keep_out(out)
