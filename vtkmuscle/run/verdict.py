@@ -275,12 +275,10 @@ def _arms(muscle: Judged, arms: JointArms) -> Iterator[Reason]:
     mean, frames = arms.mean, arms.frames.tolist()
     if arms.unit not in ANGLES or not np.isfinite(mean).any():
         return
-    largest = max(bone.GetLength() for bone in muscle.scene.bones.values()) * muscle.scene.millimetres
-    # Muscles between spinous processes are shorter than their distance from the discs.
-    longer = np.nan_to_num(np.abs(mean) / np.mean(muscle.track.lengths, axis=1)[frames].clip(largest))
+    longer = np.nan_to_num(np.abs(mean) / np.mean(muscle.track.lengths, axis=1)[frames])
     worst = int(longer.argmax())
     if longer[worst] > 1.0:
-        says = f"the moment arm by {arms.coordinate} is {mean[worst]:.3g} mm, longer than muscle and bones"
+        says = f"the moment arm by {arms.coordinate} is {mean[worst]:.3g} mm, longer than the muscle"
         do = "check the coordinate's unit, the joint's centre and the attachments"
         yield _look(muscle, "arm and length", (longer[worst], 1.0, ""), says, do, frames[worst])
     # Differences over steps h of a pulley's cosine are off by h^2 / 6.
