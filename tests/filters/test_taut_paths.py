@@ -24,7 +24,7 @@ from vtkmuscle.data.arrays import (
     shallow_copy,
 )
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PathDeformer, TautPaths, taut_paths
-from vtkmuscle.pipelines import decompose
+from vtkmuscle.pipelines import MusclePipeline, decompose
 from vtkmuscle.run import muscle_pipeline
 
 #: Phantom and muscle, whose paths lie round bones, in a groove, over two joints or through a ring.
@@ -272,3 +272,13 @@ def test_a_frame_that_does_not_come_to_rest_says_so_and_has_no_lengths_and_arms(
     unsettled, _, values = told(paths_of(*CASES[3]), times[1])
     assert unsettled
     assert np.isnan(values).all()
+
+
+@pytest.mark.parametrize("make", ["flexor_over_brim", "lifting_strap"])
+def test_paths_of_a_muscle_without_fibres_come_to_rest(make):
+    phantom = getattr(phantoms, make)()
+    ((name, muscle),) = phantom.muscles.items()
+    chain = MusclePipeline(muscle, phantom.bones, phantom.motion, phantom.attachments[name], fixing={})
+    for time in phantom.motion.times[::9]:
+        paths = chain.taut_paths.update(time=float(time)).output
+        assert not field_array(paths, "Unsettled")[0]
