@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from shapes import lines_of
 
 from vtkmuscle import filters
-from vtkmuscle.data.arrays import cell_array, point_array, points_of
+from vtkmuscle.data.arrays import point_array, points_of
 from vtkmuscle.pipelines import decompose
 
 turn = 2.0 * np.pi * np.arange(8) / 8
@@ -39,22 +38,6 @@ def test_fibres_are_those_without_the_ring(spindle, method, ring):
         for a in (areas, with_ring(areas, ring))
     )
     np.testing.assert_array_equal(points_of(beside), points_of(without))
-
-
-def test_pennation_is_that_without_the_ring(spindle):
-    # A fibre that ends where the ring is: an area there would be met at a right angle.
-    muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
-    fibre = lines_of([np.array([(0.0, -32.0, 80.0), (0.0, -32.0, 40.0), (0.0, -32.0, 10.0)])])
-    inner = filters.attachments_from(
-        [filters.AttachmentArea("insertion", "proximal", RINGS["within"], closed=True)]
-    )
-    without, beside, as_area = (
-        cell_array(filters.FibreMetrics()(fibre, muscle, a), "PennationInsertion", "test")[0]
-        for a in (areas, with_ring(areas, RINGS["within"]), inner)
-    )
-    assert as_area == pytest.approx(90.0)
-    assert without < 60.0
-    assert beside == without
 
 
 def test_a_via_ring_is_no_end(spindle):
