@@ -1,11 +1,13 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.fibres.measures import (
     TENDON_AREAS,
     AreaProfile,
     along,
+    angles_to_inner_sheet,
     area_profile,
     arrangement,
     centroid_path,
@@ -221,3 +223,15 @@ def test_a_curve_goes_on_straight_beyond_its_ends():
     arcs, directions = along(curve, np.array([[1.0, 0.0, -3.0], [2.0, 0.0, 4.0], [14.0, 1.0, 9.0]]))
     np.testing.assert_allclose(arcs, [-3.0, 4.0, 24.0])
     np.testing.assert_allclose(directions, [[0, 0, 1], [0, 0, 1], [1, 0, 0]])
+
+
+@pytest.mark.parametrize("angle", [0.0, 20.0, 90.0])
+def test_fibre_ends_off_the_surface_span_a_sheet_to_which_fibres_have_angles(angle):
+    turn, (x, y) = Rotation.from_euler("xyz", [20.0, 30.0, 40.0], degrees=True), np.mgrid[:6.0, :5.0]
+    ends = turn.apply(np.column_stack([x.ravel(), y.ravel(), np.zeros(30)]))
+    run = turn.apply([np.cos(np.radians(angle)), 0.0, np.sin(np.radians(angle))])
+    within = (x.ravel() > 0) | (y.ravel() == 2.0)  # one side is the sheet's rim, on the surface
+    inner, angles = angles_to_inner_sheet(ends, np.tile(run, (30, 1)), within)
+    assert inner[x.ravel() > 0].all()
+    assert_allclose(angles, angle, atol=1e-6)
+    assert not angles_to_inner_sheet(ends[:2], np.tile(run, (2, 1)), np.ones(2, bool))[0].any()
