@@ -4,6 +4,7 @@ import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.data.muscle_geometry import RESULTS, surface_of
@@ -42,3 +43,6 @@ def test_facts_are_right(ball):
     assert known.n_open_edges == 0
     assert known.mean_edge == pytest.approx(edge_lengths(points, unique_edges(triangles)).mean(), rel=1e-12)
     assert surface_of(surface_from(points, triangles[1:]), "test").geometry.n_open_edges == 3
+    triangles[0] = triangles[0, ::-1]  # forth twice along each side
+    with pytest.raises(InputError, match=r"test: the surface has 6 open edge\(s\), or .* opposite sides"):
+        surface_of(surface_from(points, triangles), "test").closed("")

@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.label_images import labels_in
 from vtkmuscle.labels.reading import read_labels
 
@@ -73,6 +74,9 @@ def test_a_folder_has_a_file_for_each_structure(write, tmp_path):
         write(tmp_path / f"{name}.nii.gz", (VOXELS > 0).astype(np.uint8))
     images = read_labels(tmp_path)
     assert [list(labels_in(image, "")) for image in images] == [["femur_left"], ["iliacus_left"]]
+    write(tmp_path / "all.nii.gz", VOXELS)  # was one structure
+    with pytest.raises(InputError, match="a file in a folder has several labels; give the file alone"):
+        read_labels(tmp_path)
 
 
 def test_a_dicom_segmentation_is_read_where_it_is(tmp_path):

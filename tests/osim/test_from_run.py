@@ -8,6 +8,7 @@ import numpy as np
 import osim_texts as texts
 import pytest
 from commands import vtkmuscle_
+from shapes import ball
 from tiny_scene import HINGE, write_tiny_scene
 from two_joint_scene import save_strap, scene_with
 
@@ -15,11 +16,13 @@ from vtkmuscle import InputError, Result, Scene, SceneError, hinge
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.core.paths.pose import SheetPose
+from vtkmuscle.data import arrays
 from vtkmuscle.io import read_surface
 from vtkmuscle.opensim import export, from_run, read_osim
 from vtkmuscle.opensim.export_parts import SPECIFIC_TENSION, completed_properties
 from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
 from vtkmuscle.opensim.muscle_paths import PointPath, moment_arm
+from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.joints import pin_joint_of
 
 ARCHITECTURE = {
@@ -274,20 +277,22 @@ def test_a_scene_without_joints_is_not_exported(tmp_path):
         export(save_strap(tmp_path / "strap"), tmp_path / "strap.osim")
 
 
-def test_a_turn_about_one_axis_is_exported_as_a_pin_joint(tmp_path):
-    """A table of transforms, of which 15 degrees are the rest pose, and the equal hinge."""
-    turned = [rotation_about((3.0, -2.0, 5.0), (1, 2, 2), q) for q in (-15, 5, 25)]
+@pytest.mark.parametrize("centre", [(3.0, -2.0, 5.0), (0.0, 0.0, 7.0), (0.002, 0.0, 0.0)])
+def test_a_turn_about_one_axis_is_exported_as_a_pin_joint(centre):
+    """A table of transforms of six decimals, of which 15 degrees are the rest pose, and the equal hinge."""
+    turned = [rotation_about(centre, (0, 0, 1), q).round(6) for q in (-15, 5, 25)]
     degrees = Coordinate(np.array([0.0, 20.0, 40.0]), "deg", "flexion")
     motion = RigidMotion(np.arange(3.0), {"distal": np.array(turned)}, None, {"bend": degrees})
-    joints, values = pin_joint_of(motion, ["proximal", "distal"])
+    bones = {name: arrays.surface_from(*ball(radius=20.0)) for name in ("proximal", "distal")}
+    joints, values = pin_joint_of(SceneData("turn", bones, {}, motion))
     assert joints.tree.coordinate("bend").rest == pytest.approx(np.radians(15))
     now = joints.tree.poses(values)
-    np.testing.assert_allclose(np.linalg.inv(now["proximal"]) @ now["distal"], turned, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.inv(now["proximal"]) @ now["distal"], turned, atol=2e-6)
     steeper = replace(motion, coordinates={"bend": replace(degrees, values=1.01 * degrees.values)})
-    assert pin_joint_of(steeper, ["proximal", "distal"]) is None
+    assert pin_joint_of(SceneData("steeper", bones, {}, steeper)) is None
     turned[1][0, 3] += 0.1
     slid = replace(motion, transforms={"distal": np.array(turned)})
-    assert pin_joint_of(slid, ["proximal", "distal"]) is None
+    assert pin_joint_of(SceneData("slid", bones, {}, slid)) is None
 
 
 def test_a_hinge_is_exported_with_the_range_of_the_run(tmp_path):

@@ -46,8 +46,9 @@ class MuscleGeometry:
 
     @cached_property
     def n_open_edges(self) -> int:
-        """Number of edges in a single triangle."""
-        return int((surfaces.edge_uses(self.triangles) == 1).sum())
+        """Number of triangles' edges without a counterpart that runs back in another triangle."""
+        turns = np.where(self.triangles < np.roll(self.triangles, -1, axis=1), 1, -1).reshape(-1)
+        return int(np.abs(np.bincount(surfaces.numbered_edges(self.triangles)[1], turns)).sum())
 
     @cached_property
     def closed(self) -> ClosedSurface:
@@ -113,10 +114,10 @@ class Surface:
         return _geometry(self.points, self.triangles)
 
     def closed(self, why: str) -> MuscleGeometry:
-        """Return the properties; InputError with a reason for an open surface."""
-        if self.geometry.n_open_edges:
-            problem = f"the surface has {self.geometry.n_open_edges} open edge(s), {why}"
-            remedy = "close its holes, and merge equal points (vtkCleanPolyData)"
+        """Return the properties; InputError with a reason for an open surface, or triangles not alike."""
+        if count := self.geometry.n_open_edges:
+            problem = f"the surface has {count} open edge(s), or between triangles of opposite sides, {why}"
+            remedy = "close its holes, merge equal points (vtkCleanPolyData), orient it (vtkPolyDataNormals)"
             raise InputError(self.where, problem, remedy)
         return self.geometry
 

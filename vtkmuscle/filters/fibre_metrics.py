@@ -68,8 +68,8 @@ class FibreMetrics(Filter):
     Limitations
     -----------
     The physiological cross-sectional area assumes that fibres sample the muscle evenly. Pennation is measured
-    on the end segment, so the angle depends on the resolution of strongly curved fibres. An aponeurosis
-    within the muscle needs three ends. Strain is a mean over a fibre.
+    on the end segment, so the angle depends on the resolution of strongly curved fibres. Neighbouring ends
+    along a line span no aponeurosis. Strain is a mean over a fibre.
 
     Examples
     --------

@@ -64,8 +64,8 @@ class FibreTrimmer(Filter):
 
     Limitations
     -----------
-    Segments to the areas are straight, so a fibre has a kink of up to 30 degrees at the cut. At most half of
-    a fibre is cut off, which may leave ends off an area along most of the muscle.
+    Segments to the areas are straight, so a fibre has a kink at the cut, of up to 60 degrees if a cut allows.
+    At most half of a fibre is cut off, which may leave ends off an area along most of the muscle.
 
     Examples
     --------

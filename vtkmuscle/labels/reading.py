@@ -66,6 +66,8 @@ def read_labels(
         for voxels, transform, own in _read(file):
             by_label = own if table is None else table
             if source.is_dir() and file.suffix.lower() != ".dcm":
+                if ((voxels > 0) & (voxels < voxels.max())).any():
+                    raise InputError(file, "a file in a folder has several labels", "give the file alone")
                 by_label = {1: re.sub(r"(\.seg)?\.(nii\.gz|\w+)$", "", file.name)}
                 np.clip(voxels, 0, 1, out=voxels)
             images.append(label_image(voxels, to_frame @ transform, by_label))
@@ -90,9 +92,8 @@ def _read(file: Path) -> Iterator[Layer]:
     _check_size(file, voxel * math.prod(reader.GetSize()))
     with _foreign(file, "it cannot be read as an image"):
         image = reader.Execute()
-    if image.GetDimension() != 3:
-        problem = f"the image has {image.GetDimension()} dimensions, but must have 3"
-        raise InputError(file, problem, "save one volume of labels")
+    if (n := image.GetDimension()) != 3:
+        raise InputError(file, f"the image has {n} dimensions, but must have 3", "save one volume of labels")
     transform = np.eye(4)
     transform[:3, :3] = np.array(image.GetDirection()).reshape(3, 3) * image.GetSpacing()
     transform[:3, 3] = image.GetOrigin()
@@ -160,9 +161,8 @@ def _names(file: Path, image: Any) -> dict[int, dict[int, str]]:
     for key in image.GetMetaDataKeys():
         segment = re.fullmatch(r"(Segment\d+)_LabelValue", key)
         if segment and image.HasMetaDataKey(f"{segment[1]}_Name"):
-            layer_key = f"{segment[1]}_Layer"
-            has_layer = image.HasMetaDataKey(layer_key)
-            layer = label_number(image.GetMetaData(layer_key), file, layer_key) if has_layer else 0
+            at = f"{segment[1]}_Layer"
+            layer = label_number(image.GetMetaData(at), file, at) if image.HasMetaDataKey(at) else 0
             value = label_number(image.GetMetaData(key), file, key)
             names.setdefault(layer, {})[value] = image.GetMetaData(f"{segment[1]}_Name")
     return names

@@ -245,7 +245,7 @@ def _run_of(source: Result | str | PathLike[str], options: RunOptions, named: se
     metres = MILLIMETRES[scene.units] / 1000.0
     if (joints := joints_of(table, files)) is not None:
         _, values = coordinate_values(table, joints.tree, files)
-    elif (pinned := pin_joint_of(scene.motion, scene.bones)) is not None:
+    elif (pinned := pin_joint_of(scene)) is not None:
         joints, values = pinned
     else:
         problem = "the scene has no joints, and its motion is no turn of one bone about a fixed axis"

@@ -23,7 +23,7 @@ from vtkmuscle.joints.functions import IDENTITY, CoordinateFunction, CubicSpline
 from vtkmuscle.joints.osim import read_motion_file, read_tree
 from vtkmuscle.joints.tree import HALF_STEP, Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.scene import schema
-from vtkmuscle.scene.data import Faults, SceneError, SceneFiles, errors_at
+from vtkmuscle.scene.data import Faults, SceneData, SceneError, SceneFiles, errors_at
 
 
 def motion_from(scene: schema.SceneTable, files: SceneFiles, joints: SceneJoints | None) -> RigidMotion:
@@ -190,11 +190,12 @@ def joints_of(table: schema.SceneTable, files: SceneFiles) -> SceneJoints | None
     return SceneJoints(_at_rest(tree), {bone: bone for bone in table.bones}, GROUND, GROUND)
 
 
-def pin_joint_of(motion: RigidMotion, bones: Iterable[str]) -> tuple[SceneJoints, dict[str, Floats]] | None:
+def pin_joint_of(scene: SceneData) -> tuple[SceneJoints, dict[str, Floats]] | None:
     """Return a motion of one bone about a fixed axis as a pin joint, with coordinate values (f,) [rad].
 
-    None for any other motion, or where no bone stays at rest.
+    None for any other motion, to six digits of the bones' coordinates, or where no bone stays at rest.
     """
+    motion, bones = scene.motion, scene.bones
     still = [bone for bone in bones if bone not in motion.transforms]
     if len(motion.transforms) != 1 or len(motion.coordinates) != 1 or not still or len(motion.times) < 2:
         return None
@@ -210,13 +211,12 @@ def pin_joint_of(motion: RigidMotion, bones: Iterable[str]) -> tuple[SceneJoints
     axis, centre = twist[3:] / turning, np.cross(twist[3:], twist[:3]) / turning**2
     rest = float(angles[0] - screws(poses[:1])[0, 3:] @ axis)
     turned = np.array([rotation_about(centre, axis, np.degrees(angle - rest)) for angle in angles])
-    off, size = (np.abs(tables).max(axis=0) for tables in (turned - poses, poses))
-    if off[:3, :3].max() > SIX_DIGITS or off[:3, 3].max() > SIX_DIGITS * size[:3, 3].max():
+    size = np.abs([each.GetBounds() for each in bones.values()]).max()
+    if (np.abs(turned - poses).max(axis=(0, 1)) > SIX_DIGITS * np.array([1.0, 1.0, 1.0, size])).any():
         return None
-    parent, *welded = still
-    frame = frame_at(centre)
+    parent, frame = still[0], frame_at(centre)
     joints = [Joint(f"{GROUND}_{parent}", GROUND, parent, kind="weld")]
-    joints += [Joint(f"{parent}_{each}", parent, each, kind="weld") for each in welded]
+    joints += [Joint(f"{parent}_{each}", parent, each, kind="weld") for each in still[1:]]
     turn = JointAxis(axis, IDENTITY, name)
     joints.append(Joint(f"{bone}_hinge", parent, bone, [turn], (), frame, frame, "pin"))
     own = JointCoordinate(name, "rad", rest, positive=coordinate.positive)

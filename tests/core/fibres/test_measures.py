@@ -234,4 +234,6 @@ def test_fibre_ends_off_the_surface_span_a_sheet_to_which_fibres_have_angles(ang
     inner, angles = angles_to_inner_sheet(ends, np.tile(run, (30, 1)), within)
     assert inner[x.ravel() > 0].all()
     assert_allclose(angles, angle, atol=1e-6)
-    assert not angles_to_inner_sheet(ends[:2], np.tile(run, (2, 1)), np.ones(2, bool))[0].any()
+    zigzag = ends[:5] + 0.05 * turn.apply([(1, 0, 0), (0, 0, 1), (-1, 0, -1), (1, 0, 0), (0, 0, 1)])
+    for row in (ends[:2], ends[:3], ends[::5], ends[[4, 4, 4]], zigzag):
+        assert not angles_to_inner_sheet(row, np.tile(run, (len(row), 1)), np.ones(len(row), bool))[0].any()

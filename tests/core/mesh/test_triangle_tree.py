@@ -33,11 +33,12 @@ def test_the_nearest_of_all_triangles_is_found(n, seed):
 
 
 def test_triangles_without_area_are_no_obstacle():
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5.0]])
-    triangles = np.array([[3, 3, 3], [0, 0, 1], [0, 1, 2], [1, 1, 1]])
-    _, closest, distances = triangle_tree(points, triangles).nearest(np.array([[0.2, 0.2, 3.0], [5, 5, 5]]))
-    assert_allclose(distances, [3, 0], atol=1e-12)
-    assert_allclose(closest, [[0.2, 0.2, 0], [5, 5, 5]], atol=1e-12)
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5], [5, 5, 5], [5, 5, 9.0]])
+    triangles = np.array([[3, 3, 3], [0, 0, 1], [0, 1, 2], [1, 1, 1], [3, 4, 5]])
+    queries = np.array([[0.2, 0.2, 3.0], [5, 5, 5], [5, 6, 7]])
+    _, closest, distances = triangle_tree(points, triangles).nearest(queries)
+    assert_allclose(distances, [3, 0, 1], atol=1e-12)
+    assert_allclose(closest, [[0.2, 0.2, 0], [5, 5, 5], [5, 5, 7]], atol=1e-12)
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e5])

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.normals import angles_between, unit_vectors
 from vtkmuscle.core.mesh.polylines import curve_segments, evenly_spaced, nearest_arcs, polyline_lengths
-from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
 
 
 def centroid_path(points: Floats, offsets: Ints, count: int) -> Floats:
@@ -90,15 +90,16 @@ def angles_to_inner_sheet(ends: Floats, directions: Floats, within: Bools) -> tu
     """Return which fibre ends (k, 3) span a sheet within a muscle, and their angles to it [degrees].
 
     Of an end and its neighbours most are ``within`` (k,) the muscle, off its surface, which the sheet's rim
-    may meet. The sheet is their plane of least squares. Directions (k, 3) are unit vectors.
+    may meet. The sheet is their plane of least squares: the ends are nearer to a plane than to a line.
+    Directions (k, 3) are unit vectors.
     """
     count = min(SIDES + 1, len(ends))
     near = cKDTree(ends).query(ends, np.arange(1, count + 1))[1]
-    inner = (within[near].mean(axis=1) > 0.5) & (count > 2)
-    arms = ends[near[inner]]
-    arms -= arms.mean(axis=1, keepdims=True)
-    normals = np.linalg.eigh(np.swapaxes(arms, 1, 2) @ arms)[1][..., 0]
-    sines = np.abs((normals * directions[inner]).sum(axis=1))
+    arms = ends[near] - ends[near].mean(axis=1, keepdims=True)
+    sizes, axes = np.linalg.eigh(np.swapaxes(arms, 1, 2) @ arms)
+    low, middle, high = sizes.T
+    inner = (within[near].mean(axis=1) > 0.5) & (middle**2 > np.maximum(low, ROUNDING * high) * high)
+    sines = np.abs((axes[inner, :, 0] * directions[inner]).sum(axis=1))
     return inner, np.degrees(np.arcsin(np.minimum(sines, 1.0)))
 
 

@@ -241,9 +241,8 @@ def opposite_half_edges(triangles: Ints) -> Ints:
     up = directed[:, 0] < directed[:, 1]
     alone = int(np.abs(np.bincount(edge_of, np.where(up, 1, -1))).sum())
     if alone:
-        problem = "the surface must be closed and oriented, but"
-        remedy = "fill its holes and run vtkPolyDataNormals with ConsistencyOn"
-        raise InputError("", f"{problem} {alone} triangle edge(s) have no counterpart", remedy)
+        problem = f"the surface must be closed and oriented, but {alone} triangle edge(s) have no counterpart"
+        raise InputError("", problem, "fill its holes and run vtkPolyDataNormals with ConsistencyOn")
     # The n-th half-edge forth along an edge pairs with the n-th back.
     forth, back = (half[np.argsort(edge_of[half], kind="stable")] for half in map(np.flatnonzero, (up, ~up)))
     opposite = np.empty(len(directed), dtype=np.int64)
