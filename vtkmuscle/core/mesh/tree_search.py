@@ -33,7 +33,7 @@ def nearest_on_triangle(  # noqa: PLR0911 -- a return for each region
     if d3 >= 0.0 and d4 <= d3:
         return b[0], b[1], b[2]
     vc = d1 * d4 - d3 * d2
-    if vc <= 0.0 and d1 >= 0.0 >= d3 != d1:  # two corners may be at the same place
+    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0 and d1 > d3:  # not if a and b are at the same place
         t = d1 / (d1 - d3)
         return a[0] + t * abx, a[1] + t * aby, a[2] + t * abz
     cpx, cpy, cpz = px - c[0], py - c[1], pz - c[2]
