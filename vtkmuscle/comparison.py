@@ -173,7 +173,7 @@ def compare(
             run = f"{name}, {muscle}" if (common, name) in compared.verdicts else name  # both sides of a run
             compared.verdicts[common, run] = result.verdicts[muscle]
             quantities = compared.curves.setdefault(common, {})
-            for curve in curves_of(result, muscle):
+            for curve in muscle_curves(result, muscle):
                 key = curve.quantity
                 if next(iter(quantities.get(key, {}).values()), curve).over != curve.over:
                     key += f", over {curve.over}"
@@ -198,7 +198,7 @@ def _named(results: Sequence[Result | str | PathLike[str]]) -> dict[str, Result]
     return named
 
 
-def curves_of(result: Result, muscle: str) -> list[Curve]:
+def muscle_curves(result: Result, muscle: str) -> list[Curve]:
     """Return the curves of a muscle of a run: lengths of paths and fibres, and moment arms.
 
     Moment arms are over their coordinate if it fixes the pose, else over the axis of lengths: over the time,

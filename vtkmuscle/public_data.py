@@ -106,7 +106,7 @@ def fetch(
             _download(url, downloads, file, sha256)
             sources.append({"url": url, "sha256": file_digest(downloads / file), "known": bool(sha256)})
         announce("putting the scene together")
-        write_scene(downloads, staging)
+        write_hip_scene(downloads, staging)
         Scene.load(staging / "scene.toml")
         write_text(staging / "LICENCE.txt", LICENCE)
         write_json(staging / "sources.json", sources, indent=1)
@@ -128,7 +128,7 @@ def _download(url: str, folder: Path, name: str, sha256: str | None) -> None:
         raise InputError(url, f"the download failed: {error}", remedy) from error
 
 
-def write_scene(downloads: Path, folder: Path) -> None:
+def write_hip_scene(downloads: Path, folder: Path) -> None:
     """Write the scene of the downloaded files: four muscles over flexion of the hip."""
     write_polydata(folder / "bones/pelvis.vtp", merged(map(_bone, sorted(downloads.glob("pelvis_*.vtk")))))
     write_polydata(folder / "bones/femur_r.vtp", _bone(downloads / "femur_r.vtk"))

@@ -19,7 +19,7 @@ from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters.deformer import PRESETS
 from vtkmuscle.filters.taut_paths import PATH_PRESETS
-from vtkmuscle.io.literature import curves_for, drawn
+from vtkmuscle.io.literature import curves_for, drawn_curves
 from vtkmuscle.io.writing import Outputs
 from vtkmuscle.run import Result, Table, frame_numbers
 from vtkmuscle.scene.sense import check_sense
@@ -207,7 +207,7 @@ def _measured(result: Result, limit: Result | None, name: str) -> dict[str, Any]
     off = [
         joint.mean[inside] - np.interp(joint.angles[inside], curve.angles, _middle(curve))
         for coordinate, joint in arms.items()
-        for curve in drawn(curves_for(result.literature.get(name, ()), coordinate=coordinate))
+        for curve in drawn_curves(curves_for(result.literature.get(name, ()), coordinate=coordinate))
         if (inside := (joint.angles >= curve.angles[0]) & (joint.angles <= curve.angles[-1])).any()
     ]
     row["published_rms_mm"] = _rms(off)

@@ -33,7 +33,7 @@ def tiny(published, monkeypatch):
     """The small scene in place of the data set; the files that a server has."""
     content = {name: path.read_bytes() for name, path in published.items()}
 
-    def write_scene(downloads, folder):
+    def write_hip_scene(downloads, folder):
         for name in content:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(downloads / name.replace("/", "_"), folder / name)
@@ -46,7 +46,7 @@ def tiny(published, monkeypatch):
         "FILES": files,
         "LICENCE": "You may.\n",
         "RETRIES": 0,
-        "write_scene": write_scene,
+        "write_hip_scene": write_hip_scene,
     }.items():
         monkeypatch.setattr(public, name, value)
     return {f"{PATH}/{name}": data for name, data in content.items()}

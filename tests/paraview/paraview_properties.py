@@ -8,7 +8,7 @@ from paraview import servermanager
 from paraview_pipeline import pipeline_of_proxies
 from scene_on_disk import TIMES, points
 
-from vtkmuscle.paraview.proxies import camel_case, plain
+from vtkmuscle.paraview.proxies import camel_case, clean
 from vtkmuscle.paraview.shells import all_kinds
 
 
@@ -18,10 +18,10 @@ def check_declarations():
     for kind in all_kinds():
         proxy = manager.NewProxy("filters" if kind.input_ports else "sources", kind.__name__)
         assert proxy.GetHints().FindNestedElementByName("ShowInMenu").GetAttribute("category") == "Muscle"
-        assert proxy.GetDocumentation().GetDescription().startswith(plain(kind.__doc__.partition("\n")[0]))
+        assert proxy.GetDocumentation().GetDescription().startswith(clean(kind.__doc__.partition("\n")[0]))
         for name, parameter in kind.parameter_declarations.items():
             shown = proxy.GetProperty(camel_case(name))
-            assert plain(parameter.doc) in shown.GetDocumentation().GetDescription()
+            assert clean(parameter.doc) in shown.GetDocumentation().GetDescription()
             if parameter.kind in (int, float, str) and parameter.default is not None:
                 assert shown.GetElement(0) == parameter.default, (kind, name)
         for port in kind.input_ports:

@@ -8,7 +8,7 @@ import pytest
 from commands import python
 
 from vtkmuscle import filters
-from vtkmuscle.paraview.proxies import FILES, camel_case, informations_of, plain, properties_of, proxy_parts
+from vtkmuscle.paraview.proxies import FILES, camel_case, clean, informations_of, properties_of, proxy_parts
 from vtkmuscle.paraview.shells import all_kinds, shell_of
 
 KINDS = all_kinds()
@@ -42,7 +42,7 @@ def check_property(kind, parameter):
     name = camel_case(parameter.name)
     xml = named(parts(kind), name)
     assert xml.get("command") == f"Set{name}"
-    assert plain(parameter.doc) in xml.findtext("Documentation")
+    assert clean(parameter.doc) in xml.findtext("Documentation")
     assert parameter.units in xml.findtext("Documentation")
     defaults = xml.get("default_values").split(" ")
     assert len(defaults) == int(xml.get("number_of_elements")) == (parameter.length or 1)
@@ -111,15 +111,15 @@ def test_inputs_say_what_is_declared(kind):
         assert xml.get("port_index") == str(number)
         assert xml.find("DataTypeDomain/DataType").get("value") == port.type_name
         assert (xml.find("Hints/Optional") is not None) == port.optional
-        assert xml.findtext("Documentation") == plain(port.doc)
+        assert xml.findtext("Documentation") == clean(port.doc)
 
 
 @every_filter
 def test_help_is_the_docstring(kind):
     help_ = parts(kind)[0]
     first = kind.__doc__.partition("\n")[0]
-    assert help_.get("short_help") == plain(first)
-    assert help_.text.startswith(plain(first))
+    assert help_.get("short_help") == clean(first)
+    assert help_.text.startswith(clean(first))
     assert "Parameters" not in help_.text
     assert "``" not in help_.text
 

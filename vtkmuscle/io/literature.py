@@ -132,7 +132,7 @@ class DrawnCurve:
     upper: Floats | None = None
 
 
-def drawn(curves: Sequence[LiteratureCurve]) -> Iterator[DrawnCurve]:
+def drawn_curves(curves: Sequence[LiteratureCurve]) -> Iterator[DrawnCurve]:
     """Yield curves for a figure: bands, lines or points."""
     uppers = {_band(curve): curve for curve in curves if curve.part.endswith(UPPER)}
     lowers = {_band(curve) for curve in curves if curve.part.endswith(LOWER)}

@@ -37,7 +37,7 @@ from vtkmuscle.run.result import Result
 from vtkmuscle.run.steps import paths_alone, run_scene
 from vtkmuscle.run.table import Table
 from vtkmuscle.run.verdict import FAILED
-from vtkmuscle.scene.data import SceneError, SceneFiles, errors_at, parsed
+from vtkmuscle.scene.data import SceneError, SceneFiles, parsed, scene_errors_at
 from vtkmuscle.scene.joints import SceneJoints, coordinate_values, joints_of, pin_joint_of
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scenes import Scene
@@ -261,7 +261,7 @@ def _run_of(source: Result | str | PathLike[str], options: RunOptions, named: se
     values = {name: column[frames] for name, column in values.items()}
     moving = [name for name, column in values.items() if np.ptp(column) > ROUNDING]
     still = {name: tuple(each for each in on_way if each not in moving) for name, on_way in crossed.items()}
-    with errors_at("motion", path, "extend the motion, or shorten the crosses of the muscles"):
+    with scene_errors_at("motion", path, "extend the motion, or shorten the crosses of the muscles"):
         moved = {names: _with_moves(joints.tree, values, names) for names in dict.fromkeys(still.values())}
     result = result or run_scene(scene, None, options)
     as_run = scene.with_settings(**{name: result.report[name] for name in ("deformer", "quality", "paths")})

@@ -74,7 +74,7 @@ def spaced(name: str) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
 
 
-def plain(text: str) -> str:
+def clean(text: str) -> str:
     """Return help text without markup of reStructuredText."""
     return re.sub(r":\w+:`~?([^`]*)`", r"\1", text).replace("``", "")
 
@@ -211,7 +211,7 @@ def _element(name: str, kind: str, default: Any, count: int) -> Element:
 
 
 def _document(parameter: Parameter[Any], more: str = "") -> Element:
-    return made("Documentation", f"{plain(described(parameter))}{more}")
+    return made("Documentation", f"{clean(described(parameter))}{more}")
 
 
 #: Menu of all filters.
@@ -249,7 +249,7 @@ def proxy_hints(kind: type[Filter]) -> list[str]:
 
 
 def _documentation(kind: type[Filter]) -> Element:
-    summary, _, rest = plain(split_docstring(kind.__doc__ or "")[0]).partition("\n\n")
+    summary, _, rest = clean(split_docstring(kind.__doc__ or "")[0]).partition("\n\n")
     text = "\n\n".join(" ".join(paragraph.split()) for paragraph in rest.split("\n\n"))
     return made("Documentation", f"{summary}\n\n{text}".strip(), short_help=summary, long_help=summary)
 
@@ -261,7 +261,7 @@ def _input(number: int, port: InputPort) -> Element:
     )
     groups = [made("Group", name=group) for group in ("sources", "filters")]
     types = made("DataTypeDomain", made("DataType", value=port.type_name), name="input_type")
-    words = made("Documentation", plain(port.doc))
+    words = made("Documentation", clean(port.doc))
     element.extend([made("ProxyGroupDomain", *groups, name="groups"), types, words])
     if port.optional:
         element.append(made("Hints", made("Optional")))

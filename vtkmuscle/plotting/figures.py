@@ -24,7 +24,7 @@ from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn, label_of
+from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn_curves, label_of
 from vtkmuscle.plotting import sheets, views
 from vtkmuscle.plotting.studio import Studio, actors_of, colours_of, fixed_bones, strain_colours, strains_of
 
@@ -259,7 +259,7 @@ def draw_literature(axes: Axes, curves: Sequence[LiteratureCurve], per_degree: f
     """Draw published curves: bands, lines, or markers for single values."""
     of_source: dict[str, str] = {}
     low, high = axes.get_ylim()
-    for curve in drawn(curves):
+    for curve in drawn_curves(curves):
         colour = of_source.setdefault(curve.source, views.PALETTE[len(of_source) % len(views.PALETTE)])
         angles, top = curve.angles * per_degree, curve.arms if curve.upper is None else curve.upper
         look: dict[str, Any] = {"color": colour, "label": curve.label}

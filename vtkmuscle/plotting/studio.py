@@ -234,7 +234,7 @@ def look_from(camera: vtkCamera, view: views.View) -> None:
     camera.SetParallelProjection(True)
     camera.SetFocalPoint(*view.focus)
     camera.SetPosition(*(view.focus + 10.0 * view.half_height * view.direction))
-    camera.SetViewUp(*views.axes_of(view.direction)[1])
+    camera.SetViewUp(*views.view_axes(view.direction)[1])
     camera.SetParallelScale(view.half_height)
 
 

@@ -171,7 +171,7 @@ def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats]) -> V
     pairs = [(_spread(muscle), points) for muscle, points in zip(muscles, hiding, strict=True)]
 
     def area(direction: Floats) -> float:
-        axes = axes_of(direction)
+        axes = view_axes(direction)
         return float(sum(_visible_cells(axes @ seen.T, axes @ points.T, cell) for seen, points in pairs))
 
     azimuths = np.radians(np.arange(0.0, 360.0, 15.0))
@@ -190,7 +190,7 @@ def framed(direction: ArrayLike, points: Floats, *, margin: float = 0.12) -> Vie
     The direction to the eye is not vertical. The margin is relative to the size of the points; the aspect is
     between 0.5 and 1.6.
     """
-    axes = axes_of(np.asarray(direction, dtype=np.float64))
+    axes = view_axes(np.asarray(direction, dtype=np.float64))
     local = points @ axes.T
     low, high = local.min(axis=0), local.max(axis=0)
     width, height = (1.0 + 2.0 * margin) * np.maximum((high - low)[:2], 1e-9)
@@ -221,7 +221,7 @@ def _direction(azimuth: float, elevation: float) -> Floats:
     return np.array([horizontal * math.cos(azimuth), horizontal * math.sin(azimuth), math.sin(elevation)])
 
 
-def axes_of(direction: Floats) -> Floats:
+def view_axes(direction: Floats) -> Floats:
     """Return right, up and eye directions as a rotation (3, 3)."""
     x, y, z = direction / np.linalg.norm(direction)
     right = np.array([-y, x, 0.0])

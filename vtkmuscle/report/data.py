@@ -17,7 +17,7 @@ from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
 from vtkmuscle.data.label_images import decimated
-from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn, label_of
+from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn_curves, label_of
 from vtkmuscle.plotting.views import LEAST_TRIANGLES, PALETTE, clearest_view, merged
 
 if TYPE_CHECKING:
@@ -297,7 +297,7 @@ def _arms(arms: JointArms, published: Sequence[LiteratureCurve]) -> dict[str, An
 def published_curves(curves: Sequence[LiteratureCurve], per_degree: float) -> Iterator[dict[str, Any]]:
     """Yield published curves: bands, lines or single values."""
     colours: dict[str, str] = {}
-    for curve in drawn(curves):
+    for curve in drawn_curves(curves):
         colour = colours.setdefault(curve.source, PALETTE[-1 - len(colours) % len(PALETTE)])
         sides = {"y": curve.arms} if curve.upper is None else {"low": curve.arms, "high": curve.upper}
         columns = {"x": curve.angles * per_degree, **sides}

@@ -59,7 +59,7 @@ class Drawing:
             reason = "the drawing process ended early"
         if self._pool is None and self._orders:
             before = time.perf_counter()
-            written = [path.name for path in drawn(self._orders, self._folder, self._bones)]
+            written = [path.name for path in draw_all(self._orders, self._folder, self._bones)]
             seconds = time.perf_counter() - before
         entry: dict[str, Any] = {"written": sorted(written)}
         if reason is None:
@@ -69,7 +69,7 @@ class Drawing:
         return entry | {"reason": reason}, seconds
 
 
-def drawn(
+def draw_all(
     orders: list[FigureOrder], folder: Path, bones: DrawnBones, form: str = "png", **options: float
 ) -> list[Path]:
     """Draw figures in turn, and return the files."""

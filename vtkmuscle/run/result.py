@@ -17,7 +17,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import MOST_LISTED, Remedies
 from vtkmuscle.io.writing import replacing, write_text
 from vtkmuscle.plotting.drawing import can_render, html_picture
-from vtkmuscle.run.figures import FORMS, ResultDisplay, drawn, figures_of_muscle, rest_pose_of
+from vtkmuscle.run.figures import FORMS, ResultDisplay, draw_all, figures_of_muscle, rest_pose_of
 from vtkmuscle.run.result_data import ResultData
 from vtkmuscle.run.store import ResultFolder
 from vtkmuscle.run.table import html_table
@@ -223,7 +223,7 @@ class Result(ResultData):
         every = [rest_pose_of(self)]
         for name in self.muscle_names:
             every += figures_of_muscle(self, name)
-        return drawn(every, Path(folder), self.drawn_bones, form, dpi=dpi, width=width)
+        return draw_all(every, Path(folder), self.drawn_bones, form, dpi=dpi, width=width)
 
     def write_usd(self, path: str | PathLike[str], *, tubes: bool = False) -> Path:
         """Write bones, muscles and fibres as an animation of USD, for Blender, Houdini or Omniverse.

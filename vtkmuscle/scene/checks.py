@@ -18,7 +18,7 @@ from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, output_of, points_of, surface_from
 from vtkmuscle.data.attachments import VIA, AttachmentArea
 from vtkmuscle.data.paths import checked_superficial
-from vtkmuscle.scene.data import Faults, Muscle, SceneData, errors_at, words_of
+from vtkmuscle.scene.data import Faults, Muscle, SceneData, scene_errors_at, words_of
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scene.writing import tables_of
 
@@ -33,7 +33,7 @@ def checked(scene: SceneData) -> dict[str, Muscle]:
     again = "correct the points, or export the surface again"
 
     def at(key: str, remedy: str = "") -> AbstractContextManager[None]:
-        return errors_at(key, scene.files.get(key, scene.files.get("")), remedy)
+        return scene_errors_at(key, scene.files.get(key, scene.files.get("")), remedy)
 
     for name, bone in scene.bones.items():
         key = f"bones.{name}.surface"

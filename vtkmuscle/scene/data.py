@@ -215,7 +215,7 @@ class Finding(NamedTuple):
 
 
 @contextmanager
-def errors_at(key: str, file: Path | None, remedy: str = "") -> Iterator[None]:
+def scene_errors_at(key: str, file: Path | None, remedy: str = "") -> Iterator[None]:
     """Raise a ValueError or OSError as a SceneError with key and file."""
     try:
         yield
@@ -276,7 +276,7 @@ class SceneFiles:
         """Read the file of a key by a reader; SceneError if unreadable."""
         path = self.paths[""].parent / text
         self.paths[key] = path
-        with errors_at(key, path, f"check {key.rpartition('.')[2]} = {text!r} and the file it names"):
+        with scene_errors_at(key, path, f"check {key.rpartition('.')[2]} = {text!r} and the file it names"):
             return reader(path)
 
     def tried(self, key: str, text: str | None, reader: Callable[[Path], T]) -> T | None:

@@ -23,7 +23,7 @@ from vtkmuscle.joints.functions import IDENTITY, CoordinateFunction, CubicSpline
 from vtkmuscle.joints.osim import read_motion_file, read_tree
 from vtkmuscle.joints.tree import HALF_STEP, Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.scene import schema
-from vtkmuscle.scene.data import Faults, SceneData, SceneError, SceneFiles, errors_at
+from vtkmuscle.scene.data import Faults, SceneData, SceneError, SceneFiles, scene_errors_at
 
 
 def motion_from(scene: schema.SceneTable, files: SceneFiles, joints: SceneJoints | None) -> RigidMotion:
@@ -108,7 +108,7 @@ class SceneJoints:
         times, values = coordinate_values(table, self.tree, files)
         key = _key(table)
         _warn_of_ranges(values, self.tree, key, files)
-        with errors_at("motion", files.paths[""], "correct it"):
+        with scene_errors_at("motion", files.paths[""], "correct it"):
             moved = self.motion_of(times, values, list(table.motion.coordinates or ()) or None)
         if not moved.transforms:
             raise SceneError("no bone moves", key, "name coordinates between bones", files.paths[""])
@@ -175,7 +175,7 @@ def joints_of(table: schema.SceneTable, files: SceneFiles) -> SceneJoints | None
     couplings: list[Coupling] = []
     factors = _factors(table.joints)
     for name, joint in table.joints.items():
-        with errors_at(f"joints.{name}", files.paths[""], "correct it"):
+        with scene_errors_at(f"joints.{name}", files.paths[""], "correct it"):
             for own, entry in (joint.coordinates or {}).items():
                 unit = table.units if factors[own] == 1.0 else "rad"
                 limits = None if entry.range is None else (entry.range[0], entry.range[1])
@@ -185,7 +185,7 @@ def joints_of(table: schema.SceneTable, files: SceneFiles) -> SceneJoints | None
                     function = _function(entry).rescaled(factors[entry.follows], factors[own])
                     couplings.append(Coupling(own, entry.follows, function))
             joints.append(_joint(name, joint, factors))
-    with errors_at("joints", files.paths[""], "correct it"):
+    with scene_errors_at("joints", files.paths[""], "correct it"):
         tree = KinematicTree(GROUND, joints, coordinates, couplings)
     return SceneJoints(_at_rest(tree), {bone: bone for bone in table.bones}, GROUND, GROUND)
 
@@ -237,7 +237,7 @@ def coordinate_values(
     where = files.paths[""]
     grid = {name: steps_of(*steps) for name, steps in (motion.grid or {}).items()}
     for name in grid:
-        with errors_at(f"{key}.{name}", where):
+        with scene_errors_at(f"{key}.{name}", where):
             tree.coordinate(name)
         if name not in tree.free:
             raise SceneError(f"{name!r} follows another coordinate", f"{key}.{name}", "remove the key", where)
@@ -279,7 +279,7 @@ def _of_opensim(table: schema.OpenSimTable, scene: schema.SceneTable, files: Sce
     for bone in body_names:
         if bone not in scene.bones:
             raise SceneError(f"there is no bone {bone!r}", f"opensim.bodies.{bone}", "", where)
-    with errors_at("opensim.rest", where):
+    with scene_errors_at("opensim.rest", where):
         rest = {name: value * _unit(tree, name) for name, value in (table.rest or {}).items()}
     coordinates = [replace(old, rest=rest.get(old.name, old.rest)) for old in tree.coordinates]
     named = {f"bodies.{bone}": body for bone, body in bodies.items()} | {"frame": frame, "fixed": fixed}

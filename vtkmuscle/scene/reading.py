@@ -24,7 +24,7 @@ from vtkmuscle.data.attachments import ROLES, SIDES, VIA, Aponeurosis, Attachmen
 from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
 from vtkmuscle.io.literature import literature_of
 from vtkmuscle.scene.checks import turned_over
-from vtkmuscle.scene.data import Muscle, SceneError, SceneFiles, errors_at, parsed, words_of
+from vtkmuscle.scene.data import Muscle, SceneError, SceneFiles, parsed, scene_errors_at, words_of
 from vtkmuscle.scene.joints import SceneJoints, joints_of, motion_from
 from vtkmuscle.scene.schema import Aponeuroses, Area, Estimate, SceneTable
 from vtkmuscle.scene.validation import validated
@@ -79,7 +79,7 @@ def _muscle(
     areas = _areas(key, table.attachments, files, scene)
     surface = files.tried(f"{key}.surface", table.surface, io.read_surface)
     if isinstance(table.attachments, Estimate) and surface is not None and motion is not None:
-        with faults.gathered(), errors_at(f"{key}.attachments", files.paths[""]):
+        with faults.gathered(), scene_errors_at(f"{key}.attachments", files.paths[""]):
             tables = motion.transforms
             chains = {bone: [tables[bone].tobytes()] if bone in tables else [] for bone in bones}
             within, named = NEAR / MILLIMETRES[scene.units], zip(ROLES, table.attachments.bones, strict=False)

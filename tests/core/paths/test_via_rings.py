@@ -5,7 +5,7 @@ import pytest
 from shapes import rigid
 
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.paths.via_rings import is_inside, moved_ring, passes_through, via_ring, within_ring
+from vtkmuscle.core.paths.via_rings import is_in_polygon, moved_ring, passes_through, via_ring, within_ring
 from vtkmuscle.phantoms.meshing import box
 
 SQUARE = np.array([(-2.0, -2.0, 0.0), (2.0, -2.0, 0.0), (2.0, 2.0, 0.0), (-2.0, 2.0, 0.0)])
@@ -60,7 +60,7 @@ def test_inside_is_where_the_winding_number_says(corners, rng):
     ends = np.roll(corners, -1, axis=0)
     a, b = corners[None] - places[:, None], ends[None] - places[:, None]
     turns = np.arctan2(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], (a * b).sum(axis=2)).sum(axis=1)
-    inside = [is_inside(corners, x, y) for x, y in places]
+    inside = [is_in_polygon(corners, x, y) for x, y in places]
     np.testing.assert_array_equal(inside, np.abs(turns) > np.pi)
 
 

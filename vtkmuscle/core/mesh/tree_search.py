@@ -113,13 +113,13 @@ def _nearest_triangle(
     corners: Floats, boxes: Floats, leaves: Ints, x: float, y: float, z: float, guess: int, stack: Ints,
     to_box: Floats, apart: Floats,
 ) -> tuple[int, int, float]:  # fmt: skip
-    """Return the leaf of the triangle nearest to a position, its place there, and its squared distance.
+    """Return the leaf of the triangle nearest to a position, its number there, and its squared distance.
 
     The search begins with the leaf ``guess``.
     """
     n_leaves = len(leaves) - 1
     stack[0], stack[1], to_box[0], to_box[1], size = 0, n_leaves - 1 + guess, 0.0, 0.0, 2
-    nearest, place, best = guess, 0, np.inf
+    nearest, number, best = guess, 0, np.inf
     while size:
         size -= 1
         node = stack[size]
@@ -139,8 +139,8 @@ def _nearest_triangle(
         _squares(corners[leaf].reshape(-1), x, y, z, apart)
         for k in range(LANES):
             if apart[k] < best:
-                nearest, place, best = leaf, k, apart[k]
-    return nearest, place, best
+                nearest, number, best = leaf, k, apart[k]
+    return nearest, number, best
 
 
 @vector_kernel

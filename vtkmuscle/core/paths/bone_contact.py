@@ -93,14 +93,14 @@ class BoneContacts:
         and far by its bound would not come to rest.
         """
         for k, (bone, field) in enumerate(zip(self._bones, self._fields, strict=True)):
-            standoff, (to_axes, *known) = self._standoff[k].reshape(-1), (part[k] for part in near)
-            looked_at = to_axes, x.reshape(-1, 3), standoff, self.rounding, *known
+            standoff, (to_axes, *seen) = self._standoff[k].reshape(-1), (part[k] for part in near)
+            looked_at = to_axes, x.reshape(-1, 3), standoff, self.rounding, *seen
             while True:
                 beyond = _look_up(field, *looked_at)
                 if not bone.fill(field):
                     break
             if beyond:
-                points, gaps, normals = known
+                points, gaps, normals = seen
                 far = np.flatnonzero(np.isnan(gaps))
                 distance, outward = bone.solids.exact(apply_transform(bone.from_axes, points[far]))
                 turn = to_axes[:3, :3].T @ bone.axes[:3, :3]

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from vtkmuscle.core.jit import kernel, lane, reduction, vector_kernel
-from vtkmuscle.core.paths.neighbours import WIDTH, Neighbours
+from vtkmuscle.core.paths.neighbours import WIDTH, NeighbourPairs
 from vtkmuscle.core.types import Floats, Indices
 
 #: Conjugate gradients end a step of Newton's method at this part of its residual: with 0.1 and 0.01 Newton's
@@ -57,7 +57,7 @@ def add_springs(x: Floats, held: Floats, pull: Floats, gradient: Floats, blocks:
 
 
 @kernel
-def write_rows(points: Floats, widths: Floats, rows: Floats) -> None:
+def write_point_rows(points: Floats, widths: Floats, rows: Floats) -> None:
     """Write what pairs need of each point, as rows (f n, 8).
 
     A row has the position of points (f, n, 3), half of the width of the path (f,), and the sum of the two
@@ -128,7 +128,7 @@ def axes_of(lanes: Floats, k: int) -> tuple[float, float, float, float, float, f
 
 @vector_kernel
 def add_neighbours(
-    x: Floats, neighbours: Neighbours, widths: Floats, rows: Floats, lanes: Floats, gradient: Floats,
+    x: Floats, neighbours: NeighbourPairs, widths: Floats, rows: Floats, lanes: Floats, gradient: Floats,
     springs: Floats,
 ) -> None:  # fmt: skip
     """Add the springs between neighbours.
@@ -138,12 +138,12 @@ def add_neighbours(
     (f,). A sheared sheet does not get narrower. The stiffness leaves out changes of tangents and widths.
 
     x : (f, n, 3), positions [mm];
-    rows : (f n, 8), overwritten as by :func:`write_rows`;
+    rows : (f n, 8), overwritten as by :func:`write_point_rows`;
     lanes : (7 WIDTH,), memory;
     gradient : (f n, 3), added to;
     springs : (r, 6, WIDTH), overwritten by each pair's stiffness, as a block.
     """
-    write_rows(x, widths, rows)
+    write_point_rows(x, widths, rows)
     for r in range(len(neighbours.pairs)):
         gather_pairs(rows, neighbours.pairs[r], lanes, 0)
         constants, blocks = neighbours.constants[r].reshape(-1), springs[r].reshape(-1)

@@ -11,9 +11,9 @@ import numpy as np
 
 from vtkmuscle.core.jit import kernel, lane, vector_kernel
 from vtkmuscle.core.paths.bone_contact import Load
-from vtkmuscle.core.paths.equilibrium import axes_of, gather_pairs, pull_apart, write_rows
+from vtkmuscle.core.paths.equilibrium import axes_of, gather_pairs, pull_apart, write_point_rows
 from vtkmuscle.core.paths.guides import Guides, with_bones
-from vtkmuscle.core.paths.neighbours import WIDTH, Neighbours
+from vtkmuscle.core.paths.neighbours import WIDTH, NeighbourPairs
 from vtkmuscle.core.types import FloatMap, Floats, Ints
 
 #: The response to the bones' move is solved for in steps until a step changes the levers by less than
@@ -150,7 +150,7 @@ def _responses(gradient: Floats, change: FloatMap, step: FloatMap) -> Iterator[F
 
 @vector_kernel
 def change_gradient(
-    velocity: Floats, wider: Floats, held: Floats, neighbours: Neighbours, rows: Floats, going: Floats,
+    velocity: Floats, wider: Floats, held: Floats, neighbours: NeighbourPairs, rows: Floats, going: Floats,
     lanes: Floats, change: Floats,
 ) -> None:  # fmt: skip
     """Write the change of the gradient with moving points.
@@ -161,12 +161,12 @@ def change_gradient(
 
     velocity, wider : (f, n, 3), (f,), velocities of the points, and rates of the paths' widths;
     held : (f, n, 3, 3), stiffness of the holds on each point, bones included;
-    rows : (f n, 8), of :func:`~vtkmuscle.core.paths.equilibrium.write_rows`;
+    rows : (f n, 8), of :func:`~vtkmuscle.core.paths.equilibrium.write_point_rows`;
     going, lanes : (f n, 8), (14 WIDTH,), memory;
     change : (f, n, 3), overwritten, 0 at the ends.
     """
     f, n, _ = velocity.shape
-    write_rows(velocity, wider, going)
+    write_point_rows(velocity, wider, going)
     for a in range(f):
         for c in range(3):
             change[a, 0, c] = change[a, n - 1, c] = 0.0

@@ -45,7 +45,7 @@ LEAST_STRETCH = 0.25
 WIDTH = 32
 
 
-class Neighbours(NamedTuple):
+class NeighbourPairs(NamedTuple):
     """Pairs of points that keep their distance.
 
     The pairs belong to a sheet, and resist shear. Places without a pair, in the last row, have the point 0
@@ -60,7 +60,7 @@ class Neighbours(NamedTuple):
     constants: Floats
 
 
-def neighbours_of(fibres: Floats) -> Neighbours:
+def neighbours_of(fibres: Floats) -> NeighbourPairs:
     """Return the pairs of neighbouring points of fibres.
 
     Fibres are (f, n, 3); a point is paired with the nearest point of each path beside it. A pair strained by
@@ -78,7 +78,7 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     spacing = np.maximum(across[apart], LEAST_SPACING * usual)
     moduli = RING / count * np.outer((MODULUS, SHEAR_MODULUS), (length / (spacing * (n - 1))) ** 2)
     of_pairs = np.vstack([across[apart], ahead[apart], moduli])
-    return Neighbours(_in_rows(pairs[apart].T).astype(np.uint32), _in_rows(of_pairs))
+    return NeighbourPairs(_in_rows(pairs[apart].T).astype(np.uint32), _in_rows(of_pairs))
 
 
 def _in_rows(values: NDArray[Any]) -> NDArray[Any]:

@@ -15,7 +15,7 @@ from vtkmuscle.core.paths import equilibrium
 from vtkmuscle.core.paths.bone_contact import PUSH, BoneContacts, Load, add_contacts
 from vtkmuscle.core.paths.guides import Guides
 from vtkmuscle.core.paths.levers import add_load, change_gradient, path_levers, pull_of
-from vtkmuscle.core.paths.neighbours import WIDTH, Neighbours, path_widths, widening
+from vtkmuscle.core.paths.neighbours import WIDTH, NeighbourPairs, path_widths, widening
 from vtkmuscle.core.paths.ring_contact import Rings, add_rings, hold_in_rings, ring_load, rings_at
 from vtkmuscle.core.paths.surroundings import Surroundings
 from vtkmuscle.core.paths.via_rings import ViaRing
@@ -75,7 +75,7 @@ class Sheet(NamedTuple):
     lengths: Floats
     around: Surroundings
     contacts: BoneContacts
-    neighbours: Neighbours
+    neighbours: NeighbourPairs
     rings: Sequence[tuple[int, ViaRing]]
     outside: Floats
     guides: Guides | None

@@ -10,7 +10,7 @@ import numpy as np
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.paths.bone_contact import PUSH, Load, pressure_at
 from vtkmuscle.core.paths.equilibrium import add_direction
-from vtkmuscle.core.paths.via_rings import ViaRing, is_inside, moved_ring, nearest_on_polygon
+from vtkmuscle.core.paths.via_rings import ViaRing, is_in_polygon, moved_ring, nearest_on_polygon
 from vtkmuscle.core.types import Floats, Ints
 
 
@@ -121,7 +121,7 @@ def way_to_edge(corners: Floats, s: float, t: float) -> tuple[float, float, floa
     """
     u, v, at_corner = nearest_on_polygon(corners, s, t)
     distance = np.sqrt((u - s) ** 2 + (v - t) ** 2)
-    return u - s, v - t, -distance if is_inside(corners, s, t) else distance, at_corner
+    return u - s, v - t, -distance if is_in_polygon(corners, s, t) else distance, at_corner
 
 
 @kernel

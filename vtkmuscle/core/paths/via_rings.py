@@ -92,7 +92,7 @@ def moved_ring(ring: ViaRing, transform: Floats) -> ViaRing:
 def within_ring(ring: ViaRing, points: Floats) -> Bools:
     """Return whether points are within the ring. Points (n, 3) are seen along the ring's normal."""
     places = (points - ring.centre) @ ring.axes.T
-    return np.array([is_inside(ring.corners, x, y) for x, y in places], dtype=np.bool_)
+    return np.array([is_in_polygon(ring.corners, x, y) for x, y in places], dtype=np.bool_)
 
 
 def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
@@ -114,7 +114,7 @@ def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
 
 
 @kernel
-def is_inside(corners: Floats, x: float, y: float) -> bool:
+def is_in_polygon(corners: Floats, x: float, y: float) -> bool:
     """Return whether a place is inside. A ray along x crosses an odd number of the polygon's sides."""
     inside = False
     k = len(corners)
