@@ -15,7 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import mean_errors, segment_errors
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.words import suggestion
+from vtkmuscle.core.words import remedy_for
 from vtkmuscle.data.paths import levers_over_time, paths_of
 from vtkmuscle.io.fibre_table import fibre_columns
 from vtkmuscle.io.surfaces import read_own_polydata, read_polydata
@@ -81,10 +81,10 @@ class RunOptions:
 
 def run_options(options: Mapping[str, Any], settings: Iterable[str] = ()) -> RunOptions:
     """Return options by name; an unknown name raises a TypeError, which names ``settings`` too."""
-    names = [field.name for field in fields(RunOptions)]
-    for name in options:
-        if name not in names:
-            raise TypeError(f"there is no option {name!r}; {suggestion(name, [*names, *settings])}")
+    own = [field.name for field in fields(RunOptions)]
+    for key in options:
+        if key not in own:
+            raise TypeError(f"there is no option {key!r}; {remedy_for('RunOptions', key, [*own, *settings])}")
     return RunOptions(**options)
 
 
