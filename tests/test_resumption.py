@@ -149,7 +149,7 @@ def test_notes_of_another_version_and_damaged_notes_are_one_clear_error(finished
     file = finished / "finished" / f"{name}.json"
     content = json.loads(file.read_text())
     for changed, words in (
-        ({**content, "format": store.FORMAT + 1}, "of another version of vtkmuscle .format 7, not 6"),
+        ({**content, "format": store.FORMAT + 1}, "of another version of vtkmuscle .format 8, not 7"),
         ({**content, "another": 1}, "the file is damaged; run the scene again"),
         ({key: value for key, value in content.items() if key != "files"}, "the file is damaged"),
         ({**content, "files": {"../../report.json": 1}}, "the file is damaged"),

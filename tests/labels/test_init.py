@@ -6,15 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import pyvista as pv
+from browser import Page, needs_chromium
 from commands import vtkmuscle_
 from vtkmodules.vtkIOGeometry import vtkSTLWriter
 
 import vtkmuscle
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.data import arrays
+from vtkmuscle.data.anatomy import published
 from vtkmuscle.io import read_surface
 from vtkmuscle.io.writing import write_polydata
-from vtkmuscle.labels import page
+from vtkmuscle.labels.architecture import areas_at_tips
 from vtkmuscle.labels.draft import Draft
 from vtkmuscle.phantoms import hip
 
@@ -27,11 +30,6 @@ KNEE = (
     '[bones.shank]\nsurface = "Femur R.vtp"\n[joints.knee]\nparent = "femur_right"\nchild = "shank"\n'
     'type = "pin"\ncentre = [0, 0, 0]\naxis = [1, 0, 0]\ncoordinates = { knee_flexion = {} }\n'
 )
-
-
-@pytest.fixture(autouse=True)
-def without_pictures(monkeypatch):
-    monkeypatch.setattr(page, "can_render", lambda: "not here")
 
 
 @pytest.fixture
@@ -104,6 +102,68 @@ def test_each_guess_says_how_sure_it_is(files, tmp_path):
     assert {key.split(".")[-1] for key in scene.guessed} == {"units", "centre", "axes"}
 
 
+#: A hip that turns about z; the surfaces are in the frame of the pelvis.
+MODEL = """<OpenSimDocument Version="40000"><Model name="hip"><Ground name="ground"/>
+<BodySet><objects><Body name="pelvis"/><Body name="femur_r"/></objects></BodySet><JointSet><objects>
+<WeldJoint name="ground_pelvis"><socket_parent_frame>raised</socket_parent_frame>
+<socket_child_frame>/bodyset/pelvis</socket_child_frame><frames><PhysicalOffsetFrame name="raised">
+<socket_parent>/ground</socket_parent><translation>0.1 0.9 0</translation></PhysicalOffsetFrame></frames>
+</WeldJoint>
+<PinJoint name="hip_r"><socket_parent_frame>/bodyset/pelvis</socket_parent_frame>
+<socket_child_frame>/bodyset/femur_r</socket_child_frame><coordinates>
+<Coordinate name="hip_flexion_r"><range>-0.5 1.5</range></Coordinate></coordinates></PinJoint>
+</objects></JointSet></Model></OpenSimDocument>"""
+
+
+def test_a_model_gives_the_joints(files, tmp_path):
+    model = tmp_path / "model.osim"
+    model.write_text(MODEL)
+    done = init(*files, model, "--out", tmp_path / "scene")
+    assert done.exit_code == 0, done.output
+    scene = vtkmuscle.Scene.load(tmp_path / "scene/scene.toml")
+    assert scene.guessed["opensim.frame"] > 0.5
+    assert scene.motion.centre_of("femur_right") == pytest.approx([0, 0, 0], abs=1e-9)
+    assert scene.motion.at(60.0)["femur_right"][:3, 0] == pytest.approx([0.5, np.sin(np.radians(60)), 0])
+    model.write_text(MODEL.replace("femur_r", "talus_r"))
+    done = init(*files, model, "--out", tmp_path / "other")
+    assert "no body may be the bone 'femur_right'; name the mesh as one of the bodies: " in done.stderr
+
+
+def test_each_muscle_has_its_architecture(files, tmp_path):
+    init(*files, "--out", tmp_path)
+    with (tmp_path / "volumes.csv").open() as lines:
+        rows = {row["structure"]: row for row in csv.DictReader(lines)}
+    assert {row["areas"] for row in rows.values()} == {"", "estimated"}
+    own = {key: float(value) for key, value in rows["iliacus_right"].items() if re.match(r"[\d.]+$", value)}
+    ratio = published("iliacus", "fibre_to_path")
+    assert own["fascicle_length_mm"] == pytest.approx(
+        np.sqrt(ratio.low * ratio.high) * own["fibre_length_mm"]
+    )
+    assert own["pcsa_low_mm2"] < own["pcsa_mm2"] < own["pcsa_high_mm2"]
+    # An ellipsoid alone is attached at its tips.
+    upper, lower = areas_at_tips(pv.ParametricEllipsoid(10.0, 10.0, 100.0).clean().rotate_x(180.0))
+    assert (upper.role, lower.role) == ("origin", "insertion")
+    for area, height in ((upper, 80.0), (lower, -80.0)):
+        assert area.landmarks[:, 2] == pytest.approx(height, abs=0.01)
+        assert np.hypot(*area.landmarks[:, :2].T) == pytest.approx(6.0, rel=0.02)
+
+
+@needs_chromium
+@pytest.mark.slow
+def test_guesses_accepted_on_the_page_count_as_given(files, tmp_path):
+    init(*files, "--out", tmp_path)
+    with Page() as page:
+        page.open((tmp_path / "guesses.html").as_uri())
+        assert page.value("new Set(draft.viewer.pixels()).size") > 50
+        page.value("document.querySelectorAll('[data-guess]').forEach((box) => box.click())")
+        text, errors = page.value("draft.text()"), page.errors
+    assert errors == []
+    (tmp_path / "scene.toml").write_text(text)
+    scene = vtkmuscle.Scene.load(tmp_path / "scene.toml")
+    assert scene.guessed == {}
+    assert not any(area.confidence for muscle in scene.muscles.values() for area in muscle.attachments)
+
+
 @pytest.mark.filterwarnings("ignore:.*of the bone lies in the bone")  # one surface, twice
 def test_a_guess_that_is_not_sure_is_looked_at_until_it_is_confirmed(files, tmp_path):
     path = tmp_path / "scene.toml"
@@ -123,17 +183,17 @@ def test_a_guess_that_is_not_sure_is_looked_at_until_it_is_confirmed(files, tmp_
 
 
 @pytest.mark.parametrize(
-    ("keep", "words"),
+    ("keep", "words", "status"),
     [
-        (("Femur R.vtp", "iliacus_r.vtp"), "no joint was found between the bones"),
-        (("Pelvis.vtp", "iliacus_r_origin.csv"), "no known muscle and role"),
+        (("Femur R.vtp", "iliacus_r.vtp"), "no joint was found between the bones", 0),
+        (("Pelvis.vtp", "iliacus_r_origin.csv"), "no known muscle and role", 2),
     ],
 )
-def test_what_is_missing_is_named(files, tmp_path, keep, words):
+def test_what_is_missing_is_named(files, tmp_path, keep, words, status):
     done = init(*(file for file in files if file.name in keep), "--out", tmp_path / "scene")
-    assert done.exit_code == 2
+    assert done.exit_code == status
     assert words in " ".join(done.output.split())
-    assert not (tmp_path / "scene").exists()
+    assert (tmp_path / "scene/volumes.csv").exists() == (status == 0)
 
 
 @pytest.mark.parametrize("option", ["--bone", "--muscle"])
@@ -144,8 +204,8 @@ def test_a_stated_name_without_a_mesh_and_a_folder_are_errors(files, tmp_path, o
     assert f"error: {tmp_path}: this is a folder, not" in init(tmp_path, "--out", tmp_path / "scene").stderr
     with pytest.raises(OSError, match=f"{tmp_path}: this is a folder"):  # a text, not its letters
         vtkmuscle.init(str(tmp_path), tmp_path / "scene")
-    model = files[0].rename(tmp_path / "model.osim")
-    assert "model.osim: this is no surface (.vtp, " in init(model, "--out", tmp_path / "scene").stderr
+    model = files[0].rename(tmp_path / "model.xml")
+    assert "model.xml: this is no surface (.vtp, " in init(model, "--out", tmp_path / "scene").stderr
 
 
 def test_a_name_that_says_nothing_needs_a_word(files, tmp_path):

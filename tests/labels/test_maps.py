@@ -120,7 +120,7 @@ def test_a_tendon_reaches_landmarks_that_the_belly_does_not(tmp_path, monkeypatc
 
 def test_three_joints_move_one_after_another(drawn, tmp_path):
     draft = replace(drawn)
-    draft.sweep = dict.fromkeys(["hip_flexion", "knee_flexion", "elbow_flexion"], 60.0)
+    draft.sweep = dict.fromkeys(["hip_flexion", "knee_flexion", "elbow_flexion"], (0.0, 60.0))
     draft.write(tmp_path)
     angles = np.loadtxt(tmp_path / "motion.csv", delimiter=",", skiprows=1)[:, 1:]
     assert angles[0].max() == 0.0

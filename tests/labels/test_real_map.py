@@ -7,15 +7,9 @@ import vtkmuscle
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.data.arrays import blocks_of, checked_surface
 from vtkmuscle.filters import LabelSurfaces
-from vtkmuscle.labels import page
 from vtkmuscle.labels.reading import read_labels
 
 pytestmark = [pytest.mark.realdata, pytest.mark.slow]
-
-
-@pytest.fixture(autouse=True)
-def without_pictures(monkeypatch):
-    monkeypatch.setattr(page, "can_render", lambda: "not here")
 
 
 @pytest.fixture

@@ -78,6 +78,8 @@ def tick(page, selector):
 
 def test_it_draws_and_the_slider_moves_the_muscles(page):
     first = picture(page)
+    sides = page.value("[...document.querySelectorAll('[data-side]')].map((one) => one.textContent).join()")
+    assert sides == "left,right,back,front"  # of +x, -x, +y, -y in LPS
     assert 0.03 < first["part"] < 0.9
     said = page.value("document.getElementById('readout').textContent")
     choose(page, "time", 4)

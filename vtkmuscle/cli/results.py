@@ -266,8 +266,8 @@ def from_labels(
 class InitOptions:
     """The options of a scene from meshes."""
 
-    bone: Annotated[list[str] | None, Option(metavar="NAME", help="A bone.")] = None
-    muscle: Annotated[list[str] | None, Option(metavar="NAME", help="A muscle.")] = None
+    bone: Annotated[list[str] | None, Option(metavar="NAME", help="Name of a bone; repeatable.")] = None
+    muscle: Annotated[list[str] | None, Option(metavar="NAME", help="Name of a muscle; repeatable.")] = None
     repair: Annotated[bool, Option("--repair", help="Close small holes of muscles.")] = False
     frame: FrameOption = "LPS"
     overwrite: shared.OverwriteOption = False
@@ -276,15 +276,15 @@ class InitOptions:
 
 @shared.with_options
 def init(
-    files: Annotated[list[Path], Argument(help="Meshes, and landmarks MUSCLE_origin or MUSCLE_insertion.")],
+    files: Annotated[list[Path], Argument(help="Meshes, landmarks MUSCLE_origin or _insertion, an .osim.")],
     out: shared.FolderOption = Path(),
     *,
     options: InitOptions,
 ) -> None:
     """Write a scene.toml from meshes and landmarks, guessing missing input.
 
-    Names identify bones and muscles, sizes the unit, contact or landmarks the areas, fits to bones the
-    joints. guesses.csv and comments in scene.toml list each guess with a confidence.
+    Names identify bones and muscles, sizes the unit, contact or landmarks the areas, fits to bones or an
+    OpenSim model the joints. guesses.csv and comments in scene.toml list each guess with a confidence.
     """
     settings: dict[str, Any] = {name: getattr(options, name) for name in ("frame", "repair", "overwrite")}
     settings |= {"bones": options.bone or (), "muscles": options.muscle or ()}
@@ -306,8 +306,9 @@ def _tell(draft: Draft, quiet: bool) -> None:
         typer.echo(f"left out: {name}: {why}", err=True)
     if draft.lacks:
         typer.echo(f"the scene cannot run yet: {draft.lacks}", err=True)
-        surfaces = f"surfaces (.vtp) in {folder / 'bones'} and {folder / 'muscles'}"
-        shared.say(quiet, f"wrote {draft.file}, {surfaces}, and volumes.csv")
+        made = [folder / kind for kind in ("bones", "muscles") if (folder / kind).is_dir()]
+        words = f", and surfaces in {' and '.join(map(str, made))}" if made else ""
+        shared.say(quiet, f"wrote {draft.file}, and volumes.csv with the architecture of muscles{words}")
         return
     words = f"wrote {draft.file}, with {', '.join(draft.muscles)}: check the guesses, then run"
     shared.say_run(quiet, words, draft.file)

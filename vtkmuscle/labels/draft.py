@@ -27,7 +27,9 @@ from vtkmuscle.io import read_landmarks, read_surface
 from vtkmuscle.io.csv_table import write_rows
 from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, stated_frame
 from vtkmuscle.io.writing import write_polydata, write_text
+from vtkmuscle.labels.architecture import COLUMNS, architecture_row
 from vtkmuscle.labels.guesses import FACING, LEFT_OUT, Guess, guessed_joints, moving_chain, table_of
+from vtkmuscle.labels.model_joints import joints_of_model
 from vtkmuscle.labels.reading import kind_of
 from vtkmuscle.scene.checks import closed_surface, repaired_surface
 from vtkmuscle.scene.data import words_of
@@ -41,7 +43,7 @@ _HEADER = """# Drafted by vtkmuscle. Missing information was guessed: the commen
 # and a confidence from 0 to 1; guesses.csv lists all guesses. Paths are relative to this file.
 """
 #: Columns of the table of surfaces.
-VOLUMES = ("structure", "kind", "volume_mm3", "area_mm2", "triangles")
+VOLUMES = ("structure", "kind", "volume_mm3", "area_mm2", "triangles", *COLUMNS)
 #: Remedy for a muscle that touches fewer than two bones.
 GIVE = "give landmarks of the area: a file MUSCLE_origin or MUSCLE_insertion, as .csv, .mrk.json or .vtp"
 
@@ -55,8 +57,9 @@ class Draft:
     the scene; missing files are written. Up to ``within`` [mm] a muscle and a bone are in contact; ``scale``
     is the size of the animal against a human. ``left_out`` has reasons, by muscle that cannot be made, and
     ``loose`` the surfaces of these muscles; ``joints`` and ``sweep`` are as of
-    :func:`~vtkmuscle.labels.guesses.guessed_joints`. ``lacks`` is the reason of a scene that cannot run, and
-    ``file`` the written scene.
+    :func:`~vtkmuscle.labels.guesses.guessed_joints`, or of an OpenSim ``model``, with further keys
+    ``opensim``. ``lacks`` is the reason of a scene that cannot run; ``file`` and ``text`` are of the written
+    scene.toml.
     """
 
     name: str
@@ -71,18 +74,25 @@ class Draft:
     guesses: list[Guess] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
     loose: dict[str, vtkPolyData] = field(default_factory=dict)
+    model: Path | None = None
+    opensim: dict[str, Any] = field(default_factory=dict)
     joints: dict[str, dict[str, Any]] = field(default_factory=dict)
-    sweep: dict[str, float] = field(default_factory=dict)
+    sweep: dict[str, tuple[float, float]] = field(default_factory=dict)
     lacks: str = ""
     file: Path = Path("scene.toml")
+    text: str = ""
 
     def complete(self) -> None:
         """Guess joints and missing areas; leave out muscles without areas."""
-        self.joints, self.sweep, guesses = guessed_joints(self.bones, self.frame, FACING * self.scale)
+        if self.model is not None:
+            self.opensim, self.joints, self.sweep, guesses = joints_of_model(self.model, self.bones)
+        else:
+            self.joints, self.sweep, guesses = guessed_joints(self.bones, self.frame, FACING * self.scale)
         self.guesses += guesses
         if not self.sweep:
             why = "; ".join(g.why for g in guesses) or f"the bones are {', '.join(self.bones) or 'none'}"
-            remedy = "hips, knees, shoulders and elbows are fitted, by names such as femur_r and pelvis"
+            remedy = "hips, knees, shoulders and elbows are fitted, by names such as femur_r and pelvis; "
+            remedy += "or give the joints as a model, an .osim with bodies of these names"
             self.lacks = f"no joint was found between the bones: {why}; {remedy}"
             return
         for muscle in list(self.muscles):
@@ -155,12 +165,14 @@ class Draft:
         add("", {"name": self.name, "units": self.units, "frame": self.frame})
         for name, bone in self.bones.items():
             add(f"bones.{name}", {"surface": written(f"bones/{name}.vtp", bone)})
-        for name, joint in self.joints.items():
+        if self.model is not None:
+            add("opensim", {"model": _seen_from(out, self.model), **self.opensim})
+        for name, joint in ({} if self.model is not None else self.joints).items():
             centre = {"centre": [scale * value for value in joint["centre"]]} if "centre" in joint else {}
             add(f"joints.{name}", joint | centre)
         if self.sweep:
             add("motion", _motion(self.sweep, out / "motion.csv"))
-        kept = ("units", *(f"joints.{name}." for name in self.joints))
+        kept = ("units", "opensim.", *(f"joints.{name}." for name in self.joints))
         kept += tuple(f"muscles.{name}.surface" for name in self.muscles)
         sure: dict[str, float] = {}
         for what, confidence in ((guess.what, guess.confidence) for guess in self.guesses):
@@ -178,27 +190,35 @@ class Draft:
         text += ["\n", *(f"# {what}: {note[2:]}" for what, lines in notes.items() for note in lines)]
         write_rows(out / "guesses.csv", table_of(self.guesses))
         write_rows(out / "volumes.csv", [VOLUMES, *self._volumes()])
-        write_text(out / "scene.toml", "".join(text))
-        return out / "scene.toml"
+        self.file, self.text = out / "scene.toml", "".join(text)
+        write_text(self.file, self.text)
+        return self.file
 
     def _volumes(self) -> Iterator[tuple[object, ...]]:
         kinds = (("bone", self.bones), ("muscle", self.muscles | self.loose))
         for kind, name, surface in ((kind, *item) for kind, each in kinds for item in each.items()):
             report = survey(*checked_surface(surface, name))
-            yield name, kind, report.volume if report.closed else "", report.area, report.n_triangles
+            own: list[object] = [""] * len(COLUMNS)
+            if kind == "muscle" and report.closed:
+                try:
+                    own = architecture_row(name, surface, self.areas.get(name, ()))
+                except ValueError as error:
+                    own[0] = "; ".join(fault_of(error))
+            yield name, kind, report.volume if report.closed else "", report.area, report.n_triangles, *own
 
 
-def _motion(limits: Mapping[str, float], path: Path) -> dict[str, Any]:
-    """Return a motion from rest to the largest angles [degrees]: a grid of one or two coordinates.
+def _motion(sweep: Mapping[str, tuple[float, float]], path: Path) -> dict[str, Any]:
+    """Return a motion from first to last angles [degrees]: a grid of one or two coordinates.
 
-    Further coordinates go up in turn, the one before down, in a file.
+    Further coordinates go to the last in turn, the one before back, in a file.
     """
-    if len(limits) < 3:
-        steps = 12 if len(limits) == 1 else 4
-        return {"grid": {name: [0, most, most / steps] for name, most in limits.items()}}
-    turns = np.arange(12 * len(limits) + 1) / 12.0
-    columns = [most * np.clip(1.0 - np.abs(turns - k), 0.0, 1.0) for k, most in enumerate(limits.values(), 1)]
-    write_rows(path, [["time", *limits], *np.transpose([turns, *columns]).tolist()])
+    if len(sweep) < 3:
+        steps = 12 if len(sweep) == 1 else 4
+        return {"grid": {name: [*sorted(ends), np.ptp(ends) / steps] for name, ends in sweep.items()}}
+    turns = np.arange(12 * len(sweep) + 1) / 12.0
+    shares = (np.clip(1.0 - np.abs(turns - k), 0.0, 1.0) for k in range(1, len(sweep) + 1))
+    columns = [low + (end - low) * share for (low, end), share in zip(sweep.values(), shares, strict=True)]
+    write_rows(path, [["time", *sweep], *np.transpose([turns, *columns]).tolist()])
     return {"file": path.name}
 
 
@@ -254,8 +274,7 @@ def draft_of_files(
         clouds[str(file)] = points_of(meshes[name][1])
         confidence = 1.0 if name in stated else 0.8
         draft.guess(f"{kind}s.{name}", kind, confidence, f"a {kind} by its name, {file.name}")
-        folder = relpath(file.parent.resolve(), out.resolve())  # .. leads up from a link's target
-        draft.surfaces[f"{kind}s/{name}.vtp"] = Path(folder, file.name).as_posix()
+        draft.surfaces[f"{kind}s/{name}.vtp"] = _seen_from(out, file)
     for name in sorted(stated.keys() - meshes):
         raise InputError(f"--{stated[name]}", f"no mesh has the name {name!r}", suggestion(name, meshes))
     if not meshes:
@@ -284,6 +303,11 @@ def draft_of_files(
     draft.within *= draft.scale
     add_landmarks(draft, landmarks, scale=scale)
     return draft
+
+
+def _seen_from(folder: Path, file: Path) -> str:
+    """Return the path of a file from a folder; .. leads up from a link's target."""
+    return Path(relpath(file.parent.resolve(), folder.resolve()), file.name).as_posix()
 
 
 def scale_of(surfaces: Iterable[vtkPolyData]) -> float:

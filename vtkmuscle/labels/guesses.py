@@ -22,6 +22,11 @@ LOOK = CHECKS["estimate"]["confidence"]
 #: Value of a guess about a structure that is missing in the scene.
 LEFT_OUT = "left out"
 
+#: Tables of joints by name.
+Joints = dict[str, dict[str, Any]]
+#: First and last angle [degrees] of a drafted motion, by coordinate.
+Sweep = dict[str, tuple[float, float]]
+
 
 @dataclass(frozen=True)
 class Guess:
@@ -159,10 +164,10 @@ FACING = 10.0
 
 def guessed_joints(
     bones: Mapping[str, vtkPolyData], frame: str = "LPS", facing: float = FACING
-) -> tuple[dict[str, dict[str, Any]], dict[str, float], list[Guess]]:
-    """Return tables of joints by name, the largest angles [degrees] by coordinate, and guesses."""
-    joints: dict[str, dict[str, Any]] = {}
-    sweep: dict[str, float] = {}
+) -> tuple[Joints, Sweep, list[Guess]]:
+    """Return tables of joints by name, first and last angles [degrees] by coordinate, and guesses."""
+    joints: Joints = {}
+    sweep: Sweep = {}
     guesses: list[Guess] = []
     for child in bones:
         parents = ((kind, _parent(kind, child, bones)) for kind in JOINTS)
@@ -189,7 +194,7 @@ def guessed_joints(
                 guesses.append(Guess(key, "", 0.0, f"{problem}: {child} does not move; {remedy}"))
                 continue
             table |= _axes(kind, fit, side, frame)
-            sweep[next(iter(table["coordinates"]))] = kind.most
+            sweep[next(iter(table["coordinates"]))] = 0.0, kind.most
             guesses += _guesses_of(key, kind, fit, bones[child], frame)
         joints[name] = table
     return joints, sweep, guesses

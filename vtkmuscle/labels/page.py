@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyvista
+from markupsafe import Markup
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
@@ -19,8 +17,16 @@ from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.core.mesh.surface import NOISE, signed_volume, survey
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.anatomy import plain_name
-from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, field_string, surface_from
-from vtkmuscle.data.attachments import ROLES, attachments_from
+from vtkmuscle.data.arrays import (
+    blocks_of,
+    checked_surface,
+    field_array,
+    field_string,
+    multiblock_from,
+    points_of,
+    surface_from,
+)
+from vtkmuscle.data.attachments import ROLES
 from vtkmuscle.data.label_images import EVEN, Label, LabelField, labels_in
 from vtkmuscle.filters.attachment_estimator import NEAR
 from vtkmuscle.filters.label_surfaces import SMOOTHING, LabelSurfaces
@@ -30,9 +36,9 @@ from vtkmuscle.labels.guesses import LEFT_OUT, LOOK, table_of
 from vtkmuscle.labels.reading import kind_of, read_labels
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
-from vtkmuscle.plotting import can_render
-from vtkmuscle.plotting.studio import x_server_warning_off
-from vtkmuscle.report.page import Cell, Section, write_sections
+from vtkmuscle.plotting.views import DrawnBones
+from vtkmuscle.report.data import MOST, Pack, packed_bones, packed_lines, packed_surface
+from vtkmuscle.report.page import Section, write_sections
 
 #: Name of the page.
 PAGE = "guesses.html"
@@ -50,12 +56,14 @@ def init(
 ) -> Draft:
     """Write a scene.toml from meshes and landmarks, guessing missing input.
 
-    The draft's ``file`` is the scene.toml; ``guesses`` have confidences, ``left_out`` reasons by muscle.
+    The draft's ``file`` is the scene.toml; ``guesses`` have confidences, ``left_out`` reasons by muscle, and
+    ``lacks`` is the reason of a scene that cannot run yet, as without a joint.
 
     Parameters
     ----------
     files : iterable of path
-        Surfaces, recognised by name, and landmarks called MUSCLE_origin, MUSCLE_insertion or MUSCLE_via.
+        Surfaces, recognised by name, and landmarks called MUSCLE_origin, MUSCLE_insertion or MUSCLE_via. An
+        OpenSim model (.osim) gives the joints; its bodies have the names of the bones.
     out : path, optional
         Folder of the scene, by default the working folder.
     bones, muscles : sequence of str, optional
@@ -71,7 +79,7 @@ def init(
     Raises
     ------
     OSError, ValueError
-        If a file cannot be read or written, its name is not recognised, or there is no joint.
+        If a file cannot be read or written, or its name is not recognised.
 
     Examples
     --------
@@ -83,10 +91,13 @@ def init(
     folder = Path(out)
     outputs = Outputs.for_file(folder / "scene.toml", inputs, overwrite=overwrite)
     stated = dict.fromkeys(map(plain_name, bones), "bone") | dict.fromkeys(map(plain_name, muscles), "muscle")
-    draft = draft_of_files(inputs, folder, stated, frame, repair=repair)
+    models = [file for file in inputs if file.suffix.lower() == ".osim"]
+    if len(models) > 1:
+        raise InputError(models[1], f"another model is {models[0]}", "give one model")
+    surfaces = [file for file in inputs if file not in models]
+    draft = draft_of_files(surfaces, folder, stated, frame, repair=repair)
+    draft.model = next(iter(models), None)
     draft.complete()
-    if draft.lacks:
-        raise InputError(draft.name, draft.lacks)
     return _written(draft, outputs, folder)
 
 
@@ -101,7 +112,7 @@ def from_labels(
 ) -> Draft:
     """Write a scene.toml from a segmentation: surfaces, attachment areas, fitted joints.
 
-    The draft is as of :func:`init`; its ``lacks`` is the reason of a scene that cannot run yet.
+    The draft is as of :func:`init`.
 
     Parameters
     ----------
@@ -131,48 +142,61 @@ def from_labels(
 
 
 def _written(draft: Draft, outputs: Outputs, folder: Path) -> Draft:
-    """Write a draft and its page, with a picture if rendering works."""
-    sections = []
-    if can_render() is None:
-        with x_server_warning_off():
-            picture = b64encode(draw(draft)).decode()
-        words = "Front and right view. Rings are attachment areas: blue from landmarks, orange estimated."
-        sections.append(Section("The scene at rest", pictures=[(words, picture)]))
+    """Write a draft, and its page with the scene in three dimensions."""
     rows = [("structure", "kind", "triangles", "volume [cm³]", "against the label", "95 % within")]
     for kind, surfaces in (("bone", draft.bones), ("muscle", draft.muscles)):
         rows += [(name, kind, *_figures(surface)) for name, surface in surfaces.items()]
-    head, *guesses = table_of(draft.guesses)
-    marked: list[list[str | Cell]] = [[*each] for each in guesses]
-    for row, (confidence, what, *_) in zip(marked, guesses, strict=True):
-        row[1] = Cell(what, "look" if float(confidence) < LOOK else "")
-    note = f"Lowest confidence first. Check the marked guesses, with a confidence below {LOOK}."
-    sections += [Section("Surfaces", rows=rows), Section("Guesses", note, [head, *marked], words=True)]
-    lead = "Surfaces and guesses of the drafted scene."
+    sections, lead = [Section("Surfaces", rows=rows)], "Surfaces and guesses of the drafted scene."
     with outputs:
-        draft.file = draft.write(folder)
-        write_sections(folder / PAGE, draft.name, "draft", lead, sections)
+        draft.write(folder)
+        values = _page_values(draft)
+        write_sections(folder / PAGE, draft.name, "draft", lead, sections, "guesses.html", **values)
     return draft
 
 
-def draw(draft: Draft) -> bytes:
-    """Return a PNG picture: bones, transparent muscles, and rings around areas."""
-    plotter = pyvista.Plotter(off_screen=True, shape=(1, 2), window_size=(1600, 1000), border=False)
-    sign = 1.0 if draft.frame == "LPS" else -1.0
-    for number, towards in enumerate(((0.0, -sign, 0.0), (-sign, 0.0, 0.0))):
-        plotter.subplot(0, number)
-        for bone in draft.bones.values():
-            plotter.add_mesh(bone, color="#e8dcc2", smooth_shading=True)
-        for name, muscle in draft.muscles.items():
-            plotter.add_mesh(muscle, color="#b4443c", opacity=0.55, smooth_shading=True)
-            areas = draft.areas.get(name, [])
-            for area, (_, ring) in zip(areas, blocks_of(attachments_from(areas)), strict=True):
-                colour = "#e08a00" if area.estimated else "#1f5fbf"
-                plotter.add_mesh(ring, color=colour, line_width=6, render_lines_as_tubes=True)
-        plotter.view_vector(towards, viewup=(0.0, 0.0, 1.0))
-        plotter.camera.zoom(1.4)
-    plotter.screenshot(picture := BytesIO())
-    plotter.close()
-    return picture.getvalue()
+#: Colours on the page, of muscles and of lines.
+MUSCLE, COLOURS = "#b4443c", {"given": "#1f5fbf", "estimated": "#e08a00", "axes": "#12633a"}
+#: Half length of a joint's axis on the page [mm], of an adult: longer than a femur's head is wide.
+_HALF_AXIS = 50.0
+
+
+def _page_values(draft: Draft) -> dict[str, Any]:
+    """Return the content of a draft's page."""
+    pack, muscles = Pack(), []
+
+    def add(name: str, kind: str, lines: Sequence[Any]) -> None:
+        """Add lines, shown with the muscle of the name."""
+        if lines:
+            packed = packed_lines(np.vstack(lines)[None], np.array([len(line) for line in lines]), pack)
+            muscles.append(
+                {"name": name, "colour": COLOURS[kind], "width": 3, "surface": None, "fibres": packed}
+            )
+
+    for name, muscle in draft.muscles.items():
+        surface = packed_surface(muscle, [points_of(muscle)], MOST, pack)
+        muscles.append({"name": name, "colour": MUSCLE, "surface": surface, "fibres": None})
+        rings: dict[str, list[Any]] = {"given": [], "estimated": []}
+        for area in draft.areas.get(name, []):
+            ring = [*area.landmarks, *area.landmarks[: area.closed]]
+            rings["estimated" if area.estimated else "given"].append(ring)
+        for kind, lines in rings.items():
+            add(name, kind, lines)
+    for joint in draft.joints.values():
+        axes = _HALF_AXIS * draft.scale * np.array(joint.get("axes") or [joint.get("axis", (0.0, 0.0, 0.0))])
+        add("", "axes", [joint["centre"] + axis * np.array([[-1.0], [1.0]]) for axis in axes if axis.any()])
+    front, left = (-1, 1) if draft.frame == "LPS" else (1, -1)
+    sides = {"front": (0, front), "back": (0, -front), "left": (left, 0), "right": (-left, 0)}
+    views = {name: f"{x} {y} 0" for name, (x, y) in sides.items()} | {"above": "0.001 0 1"}
+    guesses = [
+        {"confidence": sure, "what": what, "value": value, "why": why, "look": float(sure) < LOOK}
+        | {"muscle": next((name for name in draft.muscles if what.startswith(f"muscles.{name}.")), "")}
+        for sure, what, value, why in table_of(draft.guesses)[1:]
+    ]
+    bones = packed_bones(DrawnBones(multiblock_from(draft.bones)), pack)
+    scene = {"mm": 1.0, "bones": bones, "muscles": muscles, "view": {"towards": [0, front, 0]}}
+    data = {"scene": scene, "guesses": guesses, "text": draft.text}
+    own = {"folder": draft.file.parent.resolve().name, "look": LOOK, "colours": COLOURS, "views": views}
+    return {"data": data, "arrays": Markup(pack.text()), **own}
 
 
 def _figures(surface: vtkPolyData) -> tuple[str, str, str, str]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES, MILLIMETRES
@@ -18,7 +19,7 @@ from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
 from vtkmuscle.data.label_images import decimated
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn_curves, label_of
-from vtkmuscle.plotting.views import LEAST_TRIANGLES, PALETTE, clearest_view, merged
+from vtkmuscle.plotting.views import LEAST_TRIANGLES, PALETTE, DrawnBones, clearest_view, merged
 
 if TYPE_CHECKING:
     from vtkmuscle.run.result import Result
@@ -93,12 +94,14 @@ def scene_of(run: Result, pack: Pack) -> dict[str, Any]:
     muscles = []
     for number, name in enumerate(run.muscle_names):
         done = [i for i in shown if i < run.finished(name)]
-        surface = _muscle(run, name, done, 2 * budget, pack) if surfaces else None
+        rest, moved = run.track(name).rest, run.track(name).surfaces
+        frames = (points_of(moved[i]) for i in done)
+        surface = packed_surface(rest, frames, 2 * budget, pack) if surfaces else None
         fibres = _fibres(run, name, done, POINTS // count, scale, pack)
         muscles.append({"name": name, "colour": colour_of(number), "surface": surface, "fibres": fibres})
     whole = merged(run.track(name).rest for name in run.muscle_names)
     view = {"towards": clearest_view([whole], [run.drawn_bones.spread()]).direction.tolist()}
-    bones = list(_bones(run, shown, pack))
+    bones = packed_bones(run.drawn_bones, pack, run.motion.transforms, [run.frames[i] for i in shown])
     return {"shown": shown, "mm": scale, "bones": bones, "muscles": muscles, "view": view}
 
 
@@ -108,35 +111,42 @@ def shown_of(count: int) -> list[int]:
     return [int(position) for position in np.unique(positions)]
 
 
-def _bones(run: Result, shown: list[int], pack: Pack) -> Iterator[dict[str, Any]]:
-    frames = [run.frames[i] for i in shown]
-    for name, bone in run.drawn_bones.by_name.items():
+def packed_bones(
+    bones: DrawnBones, pack: Pack, transforms: Mapping[str, Floats] | None = None, frames: Sequence[int] = ()
+) -> list[dict[str, Any]]:
+    """Return bones of a page, at rest or moved in frames."""
+    result = []
+    for name, bone in bones.by_name.items():
         arrays = {"name": name, "points": pack.add_moving(bone.points[None])}
         arrays["normals"] = pack.add(np.rint(127.0 * bone.normals), "i8")
         arrays["triangles"] = _indices(bone.triangles, len(bone.points), pack)
-        yield arrays | {"transforms": _rows(run.motion.transforms.get(name), frames)}
+        result.append(arrays | {"transforms": _rows((transforms or {}).get(name), frames)})
+    return result
 
 
-def _rows(transforms: Floats | None, frames: list[int]) -> list[float] | None:
+def _rows(transforms: Floats | None, frames: Sequence[int]) -> list[float] | None:
     """Return 3 rows of each bone transform, None at rest."""
     if transforms is None or np.allclose(transforms[frames], np.eye(4)):
         return None
     return [round(float(value), 7) for value in transforms[frames][:, :3].ravel()]
 
 
-def _muscle(run: Result, name: str, done: list[int], target: int, pack: Pack) -> dict[str, Any] | None:
-    rest, surfaces = run.track(name).rest, run.track(name).surfaces
-    points, triangles = points_of(rest), triangles_of(rest, name)
+def packed_surface(rest: vtkPolyData, frames: Iterable[Floats], target: int, pack: Pack) -> dict[str, Any]:
+    """Return a muscle of a page. Points (n, 3) of frames; about `target` triangles."""
+    points, triangles = points_of(rest), triangles_of(rest, "muscle")
     chosen = np.arange(len(points))
     target = min(max(target, LEAST_TRIANGLES), MOST)
     if len(triangles) > target:
         chosen, triangles = _thinned(points, triangles, target)
-    moved = [points[chosen], *(points_of(surfaces[i])[chosen] for i in done)]
-    return {
-        "points": pack.add_moving(np.array(moved)),
-        "triangles": _indices(triangles, len(chosen), pack),
-        "whole": len(points_of(rest)),
-    }
+    moved = np.array([points[chosen], *(frame[chosen] for frame in frames)])
+    indices = _indices(triangles, len(chosen), pack)
+    return {"points": pack.add_moving(moved), "triangles": indices, "whole": len(points)}
+
+
+def packed_lines(points: Floats, sizes: Ints, pack: Pack) -> dict[str, Any]:
+    """Return polylines of a page. Points (f, n, 3), and numbers of points."""
+    moved = pack.add_moving(points)
+    return {"points": moved, "sizes": pack.add(sizes, "u16"), "count": len(sizes)}
 
 
 def _thinned(points: Floats, triangles: Ints, target: int) -> tuple[Ints, Ints]:
@@ -167,9 +177,7 @@ def _fibres(
             values = lines.GetCellData().GetArray(array)
             measures[key] += [] if values is None else [factor * np.asarray(values)[chosen]]
     return {
-        "points": pack.add_moving(np.array(points)),
-        "sizes": pack.add(sizes, "u16"),
-        "count": len(chosen),
+        **packed_lines(np.array(points), sizes, pack),
         "all": count,
         "length": pack.add(lengths[done][:, chosen], "f32"),
         **{key: pack.add(rows, "f32") for key, rows in measures.items() if len(rows) == len(done)},

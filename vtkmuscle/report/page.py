@@ -52,10 +52,9 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True)
 class Section:
-    """A section of a page. A table with a header, in which verdicts are marked, SVG drawings and pictures.
+    """A section of a page. A table with a header, in which verdicts are marked, and SVG drawings.
 
-    ``words`` says that cells are words rather than numbers; drawings are titles and SVG, pictures captions
-    and PNG in base 64.
+    ``words`` says that cells are words rather than numbers; drawings are titles and SVG.
     """
 
     title: str
@@ -63,12 +62,14 @@ class Section:
     rows: Sequence[Sequence[str | Cell]] = ()
     words: bool = False
     drawings: Sequence[tuple[str, Mapping[str, Any]]] = ()
-    pictures: Sequence[tuple[str, str]] = ()
 
 
-def write_sections(path: Path, name: str, kind: str, lead: str, sections: Sequence[Section]) -> None:
-    """Write a page of a kind."""
-    write_text(path, rendered("sections.html", name=name, kind=kind, lead=lead, sections=sections))
+def write_sections(
+    path: Path, name: str, kind: str, lead: str, sections: Sequence[Section], template: str = "sections.html",
+    **values: Any,
+) -> None:  # fmt: skip
+    """Write a page of a kind, with further values of a template."""
+    write_text(path, rendered(template, name=name, kind=kind, lead=lead, sections=sections, **values))
 
 
 def part(name: str) -> Markup:

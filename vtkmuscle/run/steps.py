@@ -286,6 +286,7 @@ def _first_report(run: SceneRun, tracks: Tracks) -> dict[str, Any]:
         "paths": None if scene.paths is None else dict(scene.paths),
         "scene_file": writing.scene_file(scene),
         "units": scene.units,
+        "frame": scene.frame,
         "complete": False,
         "versions": versions(),
         "files": {key or "scene": str(path) for key, path in scene.files.items()},

@@ -54,10 +54,6 @@ async function begin() {
   document.documentElement.dataset.ready = "yes";
 }
 
-function plain(value) {
-  return String(Number(value.toFixed(2)));
-}
-
 function shownNear(shown, position) {
   return nearest(shown, position);
 }
@@ -91,43 +87,20 @@ function controls(viewer, data, canvas) {
     select.addEventListener("change", () => viewer.set({ [name]: select.value }));
   }
   document.getElementById("show-fibres")?.addEventListener("change", (event) => viewer.set({ fibres: event.target.checked }));
-  for (const box of document.querySelectorAll("[data-muscle]")) {
-    box.addEventListener("change", () => {
-      viewer.state.hidden[box.checked ? "delete" : "add"](box.dataset.muscle);
-      viewer.set({});
-    });
-  }
-  for (const button of document.querySelectorAll("[data-view]")) {
-    button.addEventListener("click", () => viewer.look(button.dataset.view ? button.dataset.view.split(" ").map(Number) : null));
-  }
   const front = document.getElementById("front");
-  front.addEventListener("change", () => {
+  const nameSides = () => {
     const [x, y] = front.value.split(" ").map(Number);
     const named = { front: [x, y], back: [-x, -y], left: [-y, x], right: [y, -x] };
     const sides = Object.fromEntries(Object.entries(named).map(([name, side]) => [side.map((one) => one + 0).join(" "), name]));
     for (const button of document.querySelectorAll("[data-side]")) button.textContent = (front.value && sides[button.dataset.side]) || button.dataset.name;
-  });
+  };
+  front.addEventListener("change", nameSides);
+  nameSides();
   for (const button of document.querySelectorAll("[data-picture]")) {
     button.addEventListener("click", () => save(labelled(viewer, data, canvas, Number(button.dataset.picture)).toDataURL("image/png"), "scene.png"));
   }
-  const ruler = document.getElementById("ruler");
-  const axes = document.getElementById("axes");
-  viewer.watch((camera, height) => {
-    const bar = scaleBar(camera, canvas.clientWidth, height, data.scene.mm);
-    ruler.style.width = `${bar.width}px`;
-    ruler.textContent = bar.words;
-    drawAxes(axes, axesOf(camera));
-  });
+  aroundScene(viewer, data.scene.mm, canvas);
   viewer.set({});
-}
-
-/* A scale bar of a round length, some 90 pixels wide. */
-function scaleBar(camera, width, height, mm) {
-  const perUnit = height / (2 * heightOf(camera, width / height));
-  const wanted = (90 / perUnit) * mm;
-  const power = 10 ** Math.floor(Math.log10(wanted));
-  const nice = [5, 2, 1].find((digit) => digit * power <= wanted) * power;
-  return { width: (nice / mm) * perUnit, words: `${plain(nice)} mm` };
 }
 
 /* The time of a frame, and the coordinates that are not the time. */
@@ -200,18 +173,6 @@ function forPaper(curves, viewer) {
 function brief(value, unit) {
   const rounded = Math.abs(value) >= 10 || value === 0 ? value.toFixed(0) : value.toPrecision(2);
   return `${value > 0 && unit === "%" ? "+" : ""}${rounded} ${unit}`;
-}
-
-function drawAxes(svg, { right, up }) {
-  const ends = [0, 1, 2].map((axis) => [24 * right[axis], -24 * up[axis]]);
-  const marks = ["x", "y", "z"].map((name, axis) => {
-    const [x, y] = ends[axis];
-    // One that points at the eye, or is hidden by a longer one, has no place for its name.
-    const hides = (other) => Math.hypot(...other) > Math.hypot(x, y) && Math.hypot(other[0] - x, other[1] - y) < 10;
-    if (Math.hypot(x, y) < 6 || ends.some(hides)) return "";
-    return `<line x1="0" y1="0" x2="${x.toFixed(1)}" y2="${y.toFixed(1)}"/><text x="${(1.35 * x).toFixed(1)}" y="${(1.35 * y + 4).toFixed(1)}">${name}</text>`;
-  });
-  svg.innerHTML = marks.join("");
 }
 
 /* ---- Playing ----------------------------------------------------------------------------------------- */

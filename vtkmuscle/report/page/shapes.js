@@ -22,7 +22,7 @@ function muscleOf(gl, muscle, block) {
   const surface = muscle.surface && skinOf(gl, muscle.surface, block);
   const fibres = muscle.fibres && fibresOf(gl, muscle.fibres, block);
   const frames = surface ? surface.points.frames - 1 : fibres ? fibres.points.frames : 0;
-  return { name: muscle.name, colour: rgbOf(muscle.colour), surface, fibres, frames };
+  return { name: muscle.name, colour: rgbOf(muscle.colour), width: muscle.width || 1, surface, fibres, frames };
 }
 
 function skinOf(gl, skin, block) {

@@ -127,9 +127,9 @@ function makeViewer(canvas, scene, block) {
     const values = fibres.values[state.by];
     use(strips, seen);
     gl.uniform1i(strips.at.coloured, values ? 1 : 0);
-    gl.uniform3fv(strips.at.colour, mixed(muscle.colour, state.surfaces === "hidden" ? 0.1 : 0.55));
+    gl.uniform3fv(strips.at.colour, mixed(muscle.colour, state.surfaces === "hidden" || muscle.width > 1 ? 0.1 : 0.55));
     if (values) paintBy(strips, ranges[state.by]);
-    gl.uniform1f(strips.at.radius, 0.0022 * heightOf(home, canvas.width / canvas.height));
+    gl.uniform1f(strips.at.radius, 0.0022 * muscle.width * heightOf(home, canvas.width / canvas.height));
     gl.uniformMatrix4fv(strips.at.place, false, fibres.place);
     gl.bindVertexArray(fibres.vertices);
     fibres.show(state.frame, values);

@@ -30,7 +30,7 @@ from vtkmuscle.scene.data import Muscle, SceneData
 
 #: Number of the schema of notes and report. It grows by 1 with each change of a class below, or of a key of
 #: the report, so that no other schema is read.
-FORMAT = 6
+FORMAT = 7
 
 
 def _array(value: Any) -> Floats:
