@@ -10,8 +10,6 @@ Examples
 '0.1.0'
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import lazy_loader

@@ -1,7 +1,5 @@
 """The PyVista accessor ``mesh.muscle``, found by PyVista through the entry point ``pyvista.accessors``."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

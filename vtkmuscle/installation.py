@@ -1,7 +1,5 @@
 """A test of an installation: known answers of three phantoms, and the versions of what is installed."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Iterator
 from typing import Any

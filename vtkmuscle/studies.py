@@ -1,7 +1,5 @@
 """Many scenes in a table: cohorts and varied settings."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 import warnings

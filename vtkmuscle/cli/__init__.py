@@ -3,8 +3,6 @@
 Commands import heavy modules on use, so that ``vtkmuscle --help`` is fast.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import signal

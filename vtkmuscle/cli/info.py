@@ -1,7 +1,5 @@
 """``vtkmuscle info``: facts about meshes, results, landmarks, models and motions."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What commands share: options, messages, interruptions, exit statuses."""
 
-from __future__ import annotations
-
 import inspect
 import os
 import re

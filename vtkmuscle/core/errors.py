@@ -1,7 +1,5 @@
 """Errors of input, with fields, and checks of files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Muscle at rest: surface, fixed points, and fibres."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, mesh_topology, signed_volume

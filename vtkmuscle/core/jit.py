@@ -11,8 +11,6 @@ and of all directly or indirectly imported files of the package. Equal copies sh
 A file per signature: several processes may write at once. Damaged files are compiled anew.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import pickle

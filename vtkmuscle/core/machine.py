@@ -1,7 +1,5 @@
 """The machine: processors, Python, and cache folder."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

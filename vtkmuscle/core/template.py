@@ -38,8 +38,6 @@ doi:10.1007/978-3-642-38241-3_3; Blemker, Delp 2005, doi:10.1007/s10439-005-1433
 pictures only: the control points are this module's.
 """
 
-from __future__ import annotations
-
 import json
 import tomllib
 from collections.abc import Callable, Mapping

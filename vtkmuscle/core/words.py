@@ -1,7 +1,5 @@
 """Values, names and suggestions in messages, each in a short line; objects with items by name."""
 
-from __future__ import annotations
-
 import reprlib
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """Names of bones and muscles, joints between bones, and published numbers of muscles by name."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Mapping, Sequence

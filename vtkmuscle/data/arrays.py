@@ -1,7 +1,5 @@
 """Conversion between VTK data sets and numpy arrays."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar

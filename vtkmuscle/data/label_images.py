@@ -1,7 +1,5 @@
 """Label images as vtkImageData; labels as smooth signed distances, and their surfaces as triangles."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Bones at rest and moving bones, as arguments of filters."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Properties of a muscle's surface, computed once for all filters; areas and aponeuroses as end surfaces."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property

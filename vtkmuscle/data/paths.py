@@ -8,8 +8,6 @@ of a bow off the bones. Fibres with path data have the cell arrays of the paths,
 Superficial fibres are lines seen on a muscle's surface.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Pipeline time: announced steps, requests, inputs at a time. Provenance."""
 
-from __future__ import annotations
-
 import json
 import threading
 from collections.abc import Iterable, Mapping, Sequence

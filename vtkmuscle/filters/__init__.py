@@ -8,8 +8,6 @@ Examples
 10
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import lazy_loader

@@ -1,7 +1,5 @@
 """Shared parts of deformers: parameters and presets, the muscle in a pose, and figures of a frame."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from functools import partial
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """FibreTemplateSource: fibres in the unit cube."""
 
-from __future__ import annotations
-
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 

@@ -1,7 +1,5 @@
 """FibreTubes: show fibres as tubes."""
 
-from __future__ import annotations
-
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 from vtkmodules.vtkFiltersCore import vtkTubeFilter

@@ -1,7 +1,5 @@
 """FixedPointDetector: points of a muscle that move with a bone."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """LabelSurfaces: closed surfaces of the labels of a segmentation."""
 
-from __future__ import annotations
-
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkMultiBlockDataSet, vtkPolyData
 

@@ -1,7 +1,5 @@
 """LinearBlendFibres: move fibres with two bones, without a muscle."""
 
-from __future__ import annotations
-
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError

@@ -1,7 +1,5 @@
 """PathDeformer: deform a muscle by its taut paths."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData

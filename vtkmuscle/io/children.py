@@ -1,7 +1,5 @@
 """Processes of this program that work side by side."""
 
-from __future__ import annotations
-
 import signal
 import sys
 from collections.abc import Callable, Iterator

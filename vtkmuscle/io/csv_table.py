@@ -1,7 +1,5 @@
 """CSV tables, read with checks and written."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Iterable, Iterator, Sequence

@@ -4,8 +4,6 @@ The process starts with the first file and reads all files of a run; after a cra
 process. In programs other than Python, such as ParaView, files are read directly.
 """
 
-from __future__ import annotations
-
 import atexit
 import faulthandler
 import json

@@ -1,7 +1,5 @@
 """Read surfaces and polylines through VTK's readers, with clear errors; series of them over time (.pvd)."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Joints: trees of bodies on joints, OpenSim files, and coordinate grids."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

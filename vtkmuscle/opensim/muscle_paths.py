@@ -1,7 +1,5 @@
 """Muscle paths over points, round cylinders and as functions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, combinations_with_replacement

@@ -1,7 +1,5 @@
 """Environment variables with which ParaView finds the plugin and its packages."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import sys

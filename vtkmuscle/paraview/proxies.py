@@ -1,7 +1,5 @@
 """Descriptions of filters for ParaView's server manager."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass

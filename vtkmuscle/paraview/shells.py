@@ -1,7 +1,5 @@
 """Filters with ParaView's setters, and a source of scenes."""
 
-from __future__ import annotations
-
 from functools import partialmethod
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Sheets of rendered panels and of curves, without pyplot."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

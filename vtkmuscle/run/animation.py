@@ -1,7 +1,5 @@
 """A run as an animation of Universal Scene Description (USD)."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterable, Sequence
 from pathlib import Path

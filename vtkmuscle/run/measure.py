@@ -1,7 +1,5 @@
 """Measures of a deformed muscle against rest and bones."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The reported numbers of muscles, measured on geometry."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version

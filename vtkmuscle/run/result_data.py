@@ -1,7 +1,5 @@
 """The data of a run: surfaces, fibres and bones by frame or time, moment arms, and tables."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Verdicts on the results of a muscle. A verdict is ok, look or failed, with reasons."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

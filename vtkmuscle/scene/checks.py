@@ -1,7 +1,5 @@
 """Checks of a scene's surfaces, landmarks and lines before a run."""
 
-from __future__ import annotations
-
 import warnings
 from contextlib import AbstractContextManager
 from dataclasses import replace

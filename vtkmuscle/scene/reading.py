@@ -1,7 +1,5 @@
 """Read a scene.toml and its files; :mod:`vtkmuscle.scene.schema` has the keys."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping
 from dataclasses import replace

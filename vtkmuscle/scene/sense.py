@@ -1,7 +1,5 @@
 """Implausible scenes: errors or warnings before the run; docs/reference/sense.rst lists the checks."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Validation of scene tables: each key by the schema, then keys together."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from difflib import get_close_matches

@@ -1,7 +1,5 @@
 """Write a scene to a folder, as :mod:`vtkmuscle.scene.reading` reads it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path

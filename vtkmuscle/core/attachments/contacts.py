@@ -4,8 +4,6 @@ The ends of a muscle are two points, near two bones, farthest apart along its su
 at its end are the attachment.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations, permutations
 from typing import NamedTuple

@@ -5,8 +5,6 @@ enclosed patch is the attachment: Kohout, Cervenka 2021, section 3.3, doi:10.100
 Kohout, Kukacka 2014, doi:10.1111/cgf.12354.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

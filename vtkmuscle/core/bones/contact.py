@@ -1,7 +1,5 @@
 """Contact of a muscle with bones, by their signed distances."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import TypeAlias

@@ -1,7 +1,5 @@
 """Look-ups of a bone's signed distances, by kernels."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple, TypeAlias
 

@@ -10,8 +10,6 @@ Fibres keep their thickness between aponeuroses. So the area with the larger cro
 fibres, keeps a bare part from which fibres would have to converge.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

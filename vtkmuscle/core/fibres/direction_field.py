@@ -1,7 +1,5 @@
 """Fibre directions at any position, from neighbouring fibres."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import cKDTree
 

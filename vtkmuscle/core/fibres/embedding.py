@@ -1,7 +1,5 @@
 """Points embedded in a muscle's surface (2021 paper, eq. 8), and ends of stiff tendons."""
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import NamedTuple
 from weakref import WeakValueDictionary

@@ -19,8 +19,6 @@ of the edge and of the e,
 The few triangles near the point, or with a plane near the point, are computed separately.
 """
 
-from __future__ import annotations
-
 import math
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple

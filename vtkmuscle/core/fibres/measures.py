@@ -1,7 +1,5 @@
 """Published measures of fibres: curvature, lines of action, cross-sections, groups."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import pairwise

@@ -7,8 +7,6 @@ next, and rounding decides nothing. The papers keep fibres as mapped from the te
 of the muscle's sections.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import NamedTuple
 

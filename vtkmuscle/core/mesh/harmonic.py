@@ -1,7 +1,5 @@
 """Harmonic functions on a muscle's surface, fixed at attached points."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.linalg import splu

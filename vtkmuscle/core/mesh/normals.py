@@ -1,7 +1,5 @@
 """Normals of triangles and points, without compiled kernels."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vtkmuscle.core.types import Floats, Ints

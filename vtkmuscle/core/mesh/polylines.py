@@ -1,7 +1,5 @@
 """Polylines: lengths, positions, segments. Points (n, 3) and offsets (k + 1,)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vtkmuscle.core.errors import InputError

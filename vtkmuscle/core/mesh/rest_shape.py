@@ -1,7 +1,5 @@
 """A muscle's surface at rest, and deviations of deformed shapes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Even samples of surfaces and bodies, and stable orders."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cached_property, lru_cache
 

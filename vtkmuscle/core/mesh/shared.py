@@ -1,7 +1,5 @@
 """Results shared by their users, per content of arrays."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

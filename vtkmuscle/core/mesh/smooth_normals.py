@@ -1,7 +1,5 @@
 """Normals of surfaces that do not jump, and angles to surfaces."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Solids: closed surfaces, their inside, and distances to them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Triangle meshes: edges, lengths, stretches, volume, orientation, topology."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Searches of a tree of triangles: the nearest triangle, and the winding number."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Nearest points and sides of a surface, by a tree."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

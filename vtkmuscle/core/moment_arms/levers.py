@@ -5,8 +5,6 @@ coordinate Sherman, Seth, Delp 2013, doi:10.1115/DETC2013-13633), from the pose 
 of q, without a motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import chain, combinations
 from typing import NamedTuple

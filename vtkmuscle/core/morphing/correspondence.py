@@ -8,8 +8,6 @@ Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section
 doi:10.1007/978-3-642-38241-3_3.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

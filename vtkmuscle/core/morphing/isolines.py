@@ -5,8 +5,6 @@ that is 0 on the origin area, 1 on the insertion area, and harmonic on the surfa
 bends, isolines cross the muscle.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from vtkmuscle.core.errors import InputError

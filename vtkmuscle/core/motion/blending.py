@@ -1,7 +1,5 @@
 """Blends and screws of rigid motions, and nearest rotations."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 

@@ -1,7 +1,5 @@
 """Joint coordinates: values per pose, units, and twists of bones."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ A bone lets go of a path that leaves the bone, and a thin cord is then straight.
 the straight line's, and the moment arm between their levers.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -7,8 +7,6 @@ a path, and a spring's stiffness between neighbours across. A symmetric block is
 zz.
 """
 
-from __future__ import annotations
-
 import math
 
 from vtkmuscle.core.jit import kernel, lane, reduction, vector_kernel

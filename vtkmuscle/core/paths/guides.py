@@ -1,7 +1,5 @@
 """Paths of all fibres from the solved paths of a few, the guides."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.distance import cdist
 from scipy.special import xlogy

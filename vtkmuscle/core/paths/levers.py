@@ -3,8 +3,6 @@
 A lever is the change of a path's length as a coordinate moves the bones, with all else in equilibrium.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fibres as evenly spread points for paths, or lines over the surface."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Neighbouring paths, held together like muscle tissue."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

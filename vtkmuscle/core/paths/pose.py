@@ -1,7 +1,5 @@
 """A sheet of paths in a pose: forces on the sheet, and on the bones."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Poses of paths, reached from the nearest computed pose."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vtkmuscle.core.motion.rigid import inverse

@@ -1,7 +1,5 @@
 """Paths kept within via rings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

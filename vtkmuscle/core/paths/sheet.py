@@ -1,7 +1,5 @@
 """A muscle's paths as one taut sheet round bones."""
 
-from __future__ import annotations
-
 import math
 import weakref
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Bones, tissue and pressure that hold a muscle's paths."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

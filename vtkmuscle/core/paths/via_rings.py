@@ -6,8 +6,6 @@ convex, or at least seen whole from the centre (star-shaped): the polygon has an
 landmarks' small errors.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A muscle's surface carried by paths or bones, then settled."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Diffusion of vectors over a surface, to smooth displacements."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

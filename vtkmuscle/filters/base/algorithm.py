@@ -1,7 +1,5 @@
 """VTK's side of a filter: ports, times and data, errors and aborts."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, TypeVar

@@ -1,7 +1,5 @@
 """Docstrings of filters, with kinds and bounds from the declarations."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """The base of all filters: declared parameters and ports."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Iterable

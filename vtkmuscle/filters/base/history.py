@@ -1,7 +1,5 @@
 """Filters whose result depends on earlier times, with stored frames."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, Generic, TypeVar
 

@@ -1,7 +1,5 @@
 """Folders of results, read. The report, a note per finished muscle, and the note of the finished run."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping
