@@ -18,6 +18,7 @@ from vtkmuscle.core.mesh.surface import edge_uses
 from vtkmuscle.core.types import Floats, Ints
 
 Data = TypeVar("Data", bound=vtkDataObject)
+Made = TypeVar("Made")
 #: Arrays by name.
 Arrays = Mapping[str, Any]
 
@@ -85,9 +86,7 @@ def joined_triangles(surface: vtkPolyData) -> tuple[vtkPolyData, list[str]]:
 
 def vtk_points(points: Floats) -> vtkPoints:
     """Return vtkPoints with a double copy of an (n, 3) array."""
-    result = vtkPoints()
-    result.SetData(vtk_array(np.asarray(points, dtype=np.float64)))
-    return result
+    return with_settings(vtkPoints(), Data=vtk_array(np.asarray(points, dtype=np.float64)))
 
 
 def state_of(data: vtkDataObject) -> object:
@@ -98,11 +97,11 @@ def state_of(data: vtkDataObject) -> object:
     return data.GetMTime(), [None if block is None else state_of(block) for block in blocks]
 
 
-def with_settings(algorithm: Any, **settings: Any) -> Any:
-    """Return a VTK algorithm with settings; ParaView's VTK 9.2 has no keywords."""
+def with_settings(made: Made, **settings: Any) -> Made:
+    """Return a VTK object with settings, made in order; ParaView's VTK 9.2 has no keywords."""
     for name, value in settings.items():
-        getattr(algorithm, f"Set{name}")(value)
-    return algorithm
+        getattr(made, f"Set{name}")(value)
+    return made
 
 
 def output_of(algorithm: Any, **settings: Any) -> Any:
@@ -120,8 +119,7 @@ def shallow_copy(data: Data) -> Data:
 
 def with_points(data: Any, points: Floats) -> Any:
     """Return a shallow copy with new points, without normals."""
-    copy = shallow_copy(data)
-    copy.SetPoints(vtk_points(points))
+    copy = with_settings(shallow_copy(data), Points=vtk_points(points))
     for attributes in (copy.GetPointData(), copy.GetCellData()):
         attributes.SetNormals(None)
     return copy
@@ -129,10 +127,8 @@ def with_points(data: Any, points: Floats) -> Any:
 
 def surface_from(points: Floats, triangles: Ints) -> vtkPolyData:
     """Return a vtkPolyData of triangles."""
-    surface = vtkPolyData()
-    surface.SetPoints(vtk_points(points))
-    surface.SetPolys(_cells(np.arange(0, 3 * len(triangles) + 1, 3), np.asarray(triangles).reshape(-1)))
-    return surface
+    cells = _cells(np.arange(0, 3 * len(triangles) + 1, 3), np.asarray(triangles).reshape(-1))
+    return with_settings(vtkPolyData(), Points=vtk_points(points), Polys=cells)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,8 +166,7 @@ class Polylines:
     def moved(self, points: Floats, offsets: Ints | None = None) -> vtkPolyData:
         """Return lines with new points and the source's arrays. With new offsets, without point arrays."""
         data: Any = self.data
-        result: vtkPolyData = shallow_copy(data)
-        result.SetPoints(vtk_points(points))
+        result: vtkPolyData = with_settings(shallow_copy(data), Points=vtk_points(points))
         if offsets is not None:
             result.SetLines(_cells(offsets, np.arange(len(points))))
             result.GetPointData().Initialize()
@@ -198,10 +193,8 @@ def polylines_of(data: vtkPolyData, where: str) -> Polylines:
 
 def polylines_from(lines: Polylines) -> vtkPolyData:
     """Return polylines as a vtkPolyData."""
-    data = vtkPolyData()
-    data.SetPoints(vtk_points(lines.points))
-    data.SetLines(_cells(lines.offsets, np.arange(len(lines.points))))
-    return data
+    cells = _cells(lines.offsets, np.arange(len(lines.points)))
+    return with_settings(vtkPolyData(), Points=vtk_points(lines.points), Lines=cells)
 
 
 def add_arrays(
@@ -221,8 +214,7 @@ def add_arrays(
 
 def string_array(name: str, values: Iterable[str]) -> vtkStringArray:
     """Return a named array of strings."""
-    array = vtkStringArray()
-    array.SetName(name)
+    array = with_settings(vtkStringArray(), Name=name)
     for value in values:
         array.InsertNextValue(value)
     return array
@@ -293,10 +285,9 @@ def names_of(kind: str, attributes: Any) -> dict[str, str]:
 def vtk_array(values: NDArray[Any], name: str | None = None, kind: int | None = None) -> Any:
     """Return a VTK array with a copy of values."""
     kind = get_vtk_array_type(values.dtype) if kind is None else kind
-    array: Any = vtkDataArray.CreateDataArray(kind)
-    array.SetName(name)
-    array.SetNumberOfComponents(values.shape[1] if values.ndim > 1 else 1)
-    array.SetNumberOfTuples(len(values))
+    width = values.shape[1] if values.ndim > 1 else 1
+    sizes = {"NumberOfComponents": width, "NumberOfTuples": len(values)}
+    array: Any = with_settings(vtkDataArray.CreateDataArray(kind), Name=name, **sizes)
     if values.size:
         # Not vtk_to_numpy, which takes ten times as long.
         np.frombuffer(array, get_numpy_array_type(kind))[...] = values.reshape(-1)

@@ -15,6 +15,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.levers import MotionTwists
 from vtkmuscle.core.motion.rigid import RigidMotion, transform_points
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data import arrays
 from vtkmuscle.data.arrays import add_arrays, array_of, multiblock_from, points_of, shallow_copy, vtk_array
 from vtkmuscle.data.moving_bones import TWIST, rest_bones_of
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
@@ -28,11 +29,9 @@ def _rest_pose(data: vtkMultiBlockDataSet, where: str) -> dict[str, tuple[vtkPol
 
 def _moved(bone: vtkPolyData, rest: Floats, transform: Floats) -> vtkPolyData:
     """Return a bone moved rigidly. Points at rest (n, 3), normals and vectors."""
-    positions, moved = vtkPoints(), shallow_copy(bone)
-    positions.SetDataType(VTK_DOUBLE)
-    positions.SetNumberOfPoints(len(rest))
+    positions = arrays.with_settings(vtkPoints(), DataType=VTK_DOUBLE, NumberOfPoints=len(rest))
     transform_points(transform.copy(), rest, vtk_to_numpy(positions.GetData()))
-    moved.SetPoints(positions)
+    moved = arrays.with_settings(shallow_copy(bone), Points=positions)
     for attributes in (moved.GetPointData(), moved.GetCellData()):
         normals, vectors = attributes.GetNormals(), attributes.GetVectors()
         for replace, old in ((attributes.SetNormals, normals), (attributes.SetVectors, vectors)):

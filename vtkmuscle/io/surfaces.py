@@ -13,8 +13,8 @@ from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle.core.errors import InputError, check_is_file
-from vtkmuscle.data import toml_table
-from vtkmuscle.data.arrays import joined_triangles, output_of, points_of, shallow_copy, with_points
+from vtkmuscle.data import arrays, toml_table
+from vtkmuscle.data.arrays import joined_triangles, output_of, points_of, with_points
 from vtkmuscle.io.in_child import read_in_child, vtk_messages
 from vtkmuscle.io.writing import insert_before, write_polydata, write_text
 from vtkmuscle.io.xml_elements import read_xml
@@ -92,9 +92,8 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
         remedy = "export the muscle or bone as a surface mesh"
         raise InputError(str(path), "the file holds no triangles", remedy)
     if data.GetNumberOfVerts() + data.GetNumberOfLines():
-        data = shallow_copy(data)
-        data.SetVerts(vtkCellArray())
-        data.SetLines(vtkCellArray())
+        data = arrays.shallow_copy(data)
+        arrays.with_settings(data, Verts=vtkCellArray(), Lines=vtkCellArray())
         data.GetCellData().Initialize()
     with vtk_messages():
         result, changes = joined_triangles(data)

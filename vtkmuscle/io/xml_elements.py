@@ -102,9 +102,7 @@ class Element:
 
     def within(self, tag: str) -> list[Element]:
         """Return the elements in a child; for a set, its objects."""
-        child = self.find(tag)
-        if child is None:
-            return []
+        child = self.find(tag) or Element(tag, self.path, self.line)
         return child.objects() if tag.endswith("Set") else child.children
 
     def objects(self) -> list[Element]:

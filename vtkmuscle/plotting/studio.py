@@ -12,21 +12,14 @@ from matplotlib import colormaps
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 from PIL import Image
+from vtkmodules import vtkRenderingCore
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonComputationalGeometry import vtkCardinalSpline
 from vtkmodules.vtkCommonCore import vtkLogger, vtkUnsignedCharArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkFiltersGeneral import vtkSplineFilter, vtkVertexGlyphFilter
-from vtkmodules.vtkRenderingCore import (
-    VTK_PHONG,
-    vtkActor,
-    vtkCamera,
-    vtkPolyDataMapper,
-    vtkProperty,
-    vtkRenderer,
-    vtkRenderWindow,
-)
+from vtkmodules.vtkRenderingCore import VTK_PHONG, vtkActor, vtkCamera, vtkRenderer, vtkRenderWindow
 
 from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.types import Floats, Ints
@@ -125,7 +118,6 @@ def fibre_actor(fibres: vtkPolyData, width: float, colours: NDArray[np.uint8] | 
     # Thick lines have gaps at bends; with this many pieces, gaps are invisible.
     pieces = max(24, round(5.0 * width))
     splines = vtkSplineFilter(spline=cubic, input_data=lines, number_of_subdivisions=pieces)
-    splines.SetSubdivideToSpecified()
     # VTK shades tubes of more than a pixel alone.
     look = {"line_width": max(width, 1.1), "render_lines_as_tubes": True, "ambient": 0.25}
     actor = _actor(splines.update().output, _PLAIN_FIBRES, **look)
@@ -153,10 +145,9 @@ def _with_normals(surface: vtkPolyData, normals: Floats) -> vtkPolyData:
 def _actor(data: vtkPolyData, colour: str, **look: Any) -> vtkActor:
     """Return data in a colour; ``look`` are properties of a vtkProperty."""
     shine = {"ambient": 0.15, "specular": 0.1, "specular_power": 100.0, "interpolation": VTK_PHONG}
-    return vtkActor(
-        mapper=vtkPolyDataMapper(input_data=data, scalar_visibility=False),
-        property=vtkProperty(color=to_rgb(colour), **{**shine, **look}),
-    )
+    mapper = vtkRenderingCore.vtkPolyDataMapper(input_data=data, scalar_visibility=False)
+    appearance = vtkRenderingCore.vtkProperty(color=to_rgb(colour), **{**shine, **look})
+    return vtkActor(mapper=mapper, property=appearance)
 
 
 #: Rendered pixels per pixel of a picture, along each side: their mean smooths edges.
@@ -231,10 +222,8 @@ def matrix_of(transform: Floats | None) -> vtkMatrix4x4:
 
 def look_from(camera: vtkCamera, view: views.View) -> None:
     """Set a camera to a view, in parallel projection."""
-    camera.SetParallelProjection(True)
-    camera.SetFocalPoint(*view.focus)
-    camera.SetPosition(*(view.focus + 10.0 * view.half_height * view.direction))
-    camera.SetViewUp(*views.view_axes(view.direction)[1])
+    position, up = view.focus + 10.0 * view.half_height * view.direction, views.view_axes(view.direction)[1]
+    arrays.with_settings(camera, ParallelProjection=True, FocalPoint=view.focus, Position=position, ViewUp=up)
     camera.SetParallelScale(view.half_height)
 
 
