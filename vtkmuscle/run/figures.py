@@ -200,12 +200,8 @@ class ResultDisplay:
         self._names = names(result.muscle_names if muscles is None else muscles)
         self._volumes = result.report["deformer"] != "none"
         fibres = {name: lines for name in self._names if (lines := result.rest_fibres(name)) is not None}
-        self.scene = MovingScene(
-            dict(blocks_of(result.rest_bones())),
-            {name: result.rest_muscle(name) for name in self._names} if self._volumes else {},
-            fibres,
-            **options,
-        )
+        surfaces = {name: result.rest_muscle(name) for name in self._names} if self._volumes else {}
+        self.scene = MovingScene(dict(blocks_of(result.rest_bones())), surfaces, fibres, **options)
         self._fibres = list(fibres)
         self.show(0)
 
@@ -213,11 +209,10 @@ class ResultDisplay:
         """Show the kept frame at a position."""
         result, frame = self._result, self._result.frames[position]
         there = [name for name in self._names if position < result.finished(name)]
-        self.scene.show(
-            {bone: table[frame] for bone, table in result.motion.transforms.items()},
-            {n: points_of(result.muscle(n, frame=frame)) for n in there} if self._volumes else {},
-            {n: points_of(result.fibres(n, frame=frame)) for n in there if n in self._fibres},
-        )
+        bones = {bone: table[frame] for bone, table in result.motion.transforms.items()}
+        muscles = {n: points_of(result.muscle(n, frame=frame)) for n in there} if self._volumes else {}
+        fibres = {n: points_of(result.fibres(n, frame=frame)) for n in there if n in self._fibres}
+        self.scene.show(bones, muscles, fibres)
 
     def pictures(self) -> Iterator[NDArray[np.uint8]]:
         """Give a picture (height, width, 3) of each kept frame."""

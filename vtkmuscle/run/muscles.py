@@ -96,11 +96,9 @@ class MuscleRun:
         with self._timed("measuring"):
             measure = MuscleMeasure(rest, list(scene.bones), self.run.bones, scene.millimetres)
         confidence = [area.confidence for area in areas if area.confidence is not None]
-        track.report |= {
-            **measure.at_rest(),
-            "estimated_attachments": sum(area.estimated for area in areas),
-            "attachment_confidence": min(confidence, default=None),
-        }
+        track.report |= measure.at_rest()
+        track.report["estimated_attachments"] = sum(area.estimated for area in areas)
+        track.report["attachment_confidence"] = min(confidence, default=None)
         if pipeline.fibres is not None:
             self._fill(rest, pipeline.fibres, measure)
         stages = {"paths": pipeline.taut_paths, "solver": pipeline.deformer, "fixing": pipeline.fixed}
@@ -152,13 +150,9 @@ class MuscleRun:
             measure.take_fibres_at_rest(lines.points, lines.offsets)
             own, scale = scene.muscles[self.name], scene.millimetres
             named, between = own.muscle or self.name, bool(own.aponeuroses)
-            track.report |= {
-                "fibres": fibres_at_rest(fibres, rest, scale),
-                "architecture": architecture_of(
-                    fibres, rest, scale, own.hill, named, between_aponeuroses=between
-                ),
-                "fibre_measures": [],
-            }
+            track.report["fibres"] = fibres_at_rest(fibres, rest, scale)
+            shape = architecture_of(fibres, rest, scale, own.hill, named, between_aponeuroses=between)
+            track.report |= {"architecture": shape, "fibre_measures": []}
 
     def _compute(self, number: int, pipeline: MusclePipeline, measure: MuscleMeasure) -> None:
         """Compute, measure and keep the muscle in a frame."""

@@ -71,6 +71,7 @@ def architecture_of(
         of_ends = [ratio.low / PERSONAL * whole, ratio.high * PERSONAL * whole]
         ends = [own, own]
     square = millimetres**2
+    areas = [each.cross_section(of) * square for each, of in zip(ends, of_ends, strict=True)]
     result |= {
         "tendon_from": source,
         "tendon_length_mm": float((whole - lengths).mean()) * millimetres,
@@ -82,9 +83,7 @@ def architecture_of(
         "tendon_volume_share": 1.0 - own.volume / volume if volume > 0.0 else 0.0,
         "volume_without_tendon_mm3": own.volume * millimetres**3,
         "pcsa_without_tendon_mm2": own.cross_section(lengths) * square,
-        "pcsa_without_tendon_range_mm2": sorted(
-            estimate.cross_section(each) * square for estimate, each in zip(ends, of_ends, strict=True)
-        ),
+        "pcsa_without_tendon_range_mm2": sorted(areas),
     }
     if sarcomere is not None:
         normalised = OPTIMAL_SARCOMERE / sarcomere * result["fascicle_length_mm"]["mean"]

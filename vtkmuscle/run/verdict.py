@@ -97,11 +97,8 @@ def with_reasons(
     """Return a verdict with further reasons, the worst first, and further checks that are missing."""
     every = [*reasons_of(verdict), *reasons]
     every.sort(key=lambda reason: -VERDICTS.index(reason.verdict))
-    return {
-        "verdict": every[0].verdict if every else OK,
-        "reasons": [vars(reason) for reason in every],
-        "not_checked": {**verdict["not_checked"], **(missing or {})},
-    }
+    worst, not_checked = every[0].verdict if every else OK, {**verdict["not_checked"], **(missing or {})}
+    return {"verdict": worst, "reasons": [vars(reason) for reason in every], "not_checked": not_checked}
 
 
 def reasons_of(verdict: Mapping[str, Any]) -> list[Reason]:

@@ -65,16 +65,13 @@ def tables_of(scene: SceneData) -> dict[str, Any]:
     """Return the tables of scene.toml for the files of :func:`write_scene`."""
     defaults = {"frame": "LPS", "guessed": {}, "muscle_contact": "off", "deformer": "paths"}
     tables = {
-        "name": scene.name,
-        "units": scene.units,
-        "quality": scene.quality,
+        **{key: getattr(scene, key) for key in ("name", "units", "quality")},
         **{key: value for key, usual in defaults.items() if (value := getattr(scene, key)) != usual},
         "bones": {name: {"surface": f"bones/{name}.vtp"} for name in scene.bones},
         "motion": _motion(scene.motion),
         "muscles": {name: _muscle(name, each, scene.motion) for name, each in scene.muscles.items()},
-        "paths": None if scene.paths is None else dict(scene.paths),
-        "solver": scene.solver or None,
-        "fixing": scene.fixing or None,
+        "paths": scene.paths,
+        **{key: getattr(scene, key) or None for key in ("solver", "fixing")},
     }
     return {key: _plain(value) for key, value in tables.items() if value is not None}
 
@@ -126,11 +123,9 @@ def _muscle(name: str, muscle: Muscle, motion: RigidMotion) -> dict[str, Any]:
         "attachments": _area_tables(name, muscle.attachments),
         "aponeuroses": sheets or None,
         "fibres": muscle.fibres,
-        "solver": muscle.solver or None,
-        "fixing": muscle.fixing or None,
+        **{key: getattr(muscle, key) or None for key in ("solver", "fixing")},
         "crosses": crosses,
-        "hill": dict(muscle.hill) or None,
-        "muscle": muscle.muscle or None,
+        **{key: getattr(muscle, key) or None for key in ("hill", "muscle")},
     }
 
 

@@ -180,12 +180,9 @@ class ResultFolder:
         for name in report["muscles"]:
             tracks[name] = self._track(name, read_note(self.note_file(name), MuscleNote))
             tracks[name].report = report["muscles"][name]
-        return {
-            "bones": multiblock_from({name: self._at_rest(f"bones/{name}") for name in noted.bones}),
-            "tracks": tracks,
-            "report": report,
-            **{field: getattr(noted, field) for field in RESULT_FIELDS},
-        }
+        bones = multiblock_from({name: self._at_rest(f"bones/{name}") for name in noted.bones})
+        own = {field: getattr(noted, field) for field in RESULT_FIELDS}
+        return {"bones": bones, "tracks": tracks, "report": report, **own}
 
     def finished(self, keys: Mapping[str, str]) -> dict[str, MuscleTrack]:
         """Return the finished muscles with these keys. All files of the muscles are present."""
@@ -227,13 +224,10 @@ class ResultFolder:
             inside = (file for file in note.files if file.startswith(f"{folder}/"))
             return Frames(WrittenFile.of(self.path / file, own=False) for file in inside)
 
-        return MuscleTrack(
-            rest=self._at_rest(name),
-            rest_fibres=self._at_rest(f"{name}_fibres") if note.has_fibres else None,
-            surfaces=frames(name),
-            fibres=frames(f"{name}_fibres"),
-            **{field: getattr(note, field) for field in TRACK_FIELDS},
-        )
+        rest, lines = self._at_rest(name), f"{name}_fibres"
+        rest_fibres = self._at_rest(lines) if note.has_fibres else None
+        own: dict[str, Any] = {field: getattr(note, field) for field in TRACK_FIELDS}
+        return MuscleTrack(rest, rest_fibres, frames(name), frames(lines), **own)
 
     def _at_rest(self, name: str) -> vtkPolyData:
         data = read_polydata(self.path / FINISHED / f"{name}.vtp")
