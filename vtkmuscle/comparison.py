@@ -178,8 +178,7 @@ def compare(
                 if next(iter(quantities.get(key, {}).values()), curve).over != curve.over:
                     key += f", over {curve.over}"
                 quantities.setdefault(key, {})[run] = curve
-            curves = curves_for(published.get(muscle, ()), muscle=muscle)
-            compared.literature.setdefault(common, curves)
+            compared.literature.setdefault(common, curves_for(published.get(muscle, ()), muscle=muscle))
     if len(compared.curves) == len(compared.verdicts) and not any(compared.literature.values()):
         listed = "; ".join(f"{name}: {', '.join(result.muscle_names)}" for name, result in named.items())
         raise InputError("", f"no muscle is in two of the runs ({listed})", "muscles match by name")

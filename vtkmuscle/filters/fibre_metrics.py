@@ -102,8 +102,7 @@ class FibreMetrics(Filter):
         if result.GetCellData().HasArray("RestLength"):
             cells["Strain"] = _strain(result, lengths)
         if muscle is not None:
-            ends = self._pennation(fibres, muscle)
-            cells["PennationOrigin"], cells["PennationInsertion"] = ends
+            cells["PennationOrigin"], cells["PennationInsertion"] = self._pennation(fibres, muscle)
         add_arrays(result, cells=cells)
         if paths is not None:
             add_path_arrays(result, paths, "paths")

@@ -84,10 +84,8 @@ class FibreTemplateSource(Filter):
         t = np.linspace(0.0, 1.0, self.resolution + 1)
         points = template.fibres(r, s, t).reshape(-1, 3)
         ends = {"OriginArea": 0, "InsertionArea": -1}
-        return add_arrays(
-            polylines_from(Polylines(points, np.arange(0, len(points) + 1, len(t)))),
-            points={"t": np.tile(t, self.n_fibres)},
-            cells={"r": r, "s": s, "FibreId": np.arange(self.n_fibres)},
-            fields={"Template": self.template if self.template_file is None else "file"}
-            | {name: template.areas(sheet).reshape(-1, 3) for name, sheet in ends.items()},
-        )
+        areas = {name: template.areas(sheet).reshape(-1, 3) for name, sheet in ends.items()}
+        fields = {"Template": self.template if self.template_file is None else "file"} | areas
+        lines = polylines_from(Polylines(points, np.arange(0, len(points) + 1, len(t))))
+        cells = {"r": r, "s": s, "FibreId": np.arange(self.n_fibres)}
+        return add_arrays(lines, points={"t": np.tile(t, self.n_fibres)}, cells=cells, fields=fields)

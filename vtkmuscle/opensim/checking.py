@@ -168,14 +168,10 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
     once = {(each.muscle, each.what): each for each in reversed(findings)}  # of a fibre one coordinate tells
     findings = [each for each in findings if "fibre" not in each.what or once[each.muscle, each.what] is each]
     findings.sort(key=lambda each: (worst[each.muscle], each.muscle, _worst_first(each)))
-    return ModelCheck(
-        model,
-        tuple(findings),
-        by_opensim=() if by_opensim is None else tuple(winding),
-        not_checked=tuple(winding) if by_opensim is None else (),
-        not_swept=tuple(name for name in model.tree.free if name in unswept),
-        still=tuple(name for name, names in crossed.items() if not names & swept),
-    )
+    theirs, not_checked = ((), tuple(winding)) if by_opensim is None else (tuple(winding), ())
+    not_swept = tuple(name for name in model.tree.free if name in unswept)
+    still = tuple(name for name, names in crossed.items() if not names & swept)
+    return ModelCheck(model, tuple(findings), theirs, not_checked, not_swept, still)
 
 
 #: The name in the package itself.

@@ -254,13 +254,12 @@ def _documentation(kind: type[Filter]) -> Element:
 
 def _input(number: int, port: InputPort) -> Element:
     name = camel_case(port.name)
-    element = made(
-        "InputProperty", name=name, label=spaced(name), command="SetInputConnection", port_index=str(number)
-    )
+    words = {"label": spaced(name), "command": "SetInputConnection", "port_index": str(number)}
+    element = made("InputProperty", name=name, **words)
     groups = [made("Group", name=group) for group in ("sources", "filters")]
     types = made("DataTypeDomain", made("DataType", value=port.type_name), name="input_type")
-    words = made("Documentation", clean(port.doc))
-    element.extend([made("ProxyGroupDomain", *groups, name="groups"), types, words])
+    about = made("Documentation", clean(port.doc))
+    element.extend([made("ProxyGroupDomain", *groups, name="groups"), types, about])
     if port.optional:
         element.append(made("Hints", made("Optional")))
     return element

@@ -151,6 +151,5 @@ def save_figure(figure: Figure, path: Path, form: str = "png", dpi: float = SCRE
     options: dict[str, Any] = {"pil_kwargs": {"compress_level": 1}}
     if form != "png":
         options = {"metadata": {{"pdf": "CreationDate", "svg": "Date"}[form]: None}}
-    text_stays_text = {"pdf.fonttype": 42, "svg.fonttype": "none"}
-    with replacing(path) as partial, rc_context(text_stays_text):
+    with replacing(path) as partial, rc_context({"pdf.fonttype": 42, "svg.fonttype": "none"}):  # text
         figure.savefig(partial, format=form, dpi=dpi, **options)

@@ -130,9 +130,8 @@ def _nearest_vertices(
         remedy = "check the units, leave out an attachment of another muscle, or give a larger distance"
         raise InputError("", f"{problem}; at most {limit:.4g} is accepted", remedy)
     if to_bone is not None and offsets[worst] > SAME * diagonal:
-        outward = vertex_normals(points, triangles) * np.sign(
-            surfaces.signed_volume(points, triangles) or 1.0
-        )
+        side = np.sign(surfaces.signed_volume(points, triangles) or 1.0)
+        outward = vertex_normals(points, triangles) * side
         waiting, count, step = np.arange(len(landmarks)), 1, lengths[1]
         while len(waiting):
             offsets, candidates = tree.query(landmarks[waiting], [*range(count // 2 + 1, count + 1)])

@@ -79,8 +79,7 @@ class EmbeddedPoints:
             block, weights = slice(first, first + _BLOCK), self._weights.get(first)
             if weights is None:
                 weights = mean_value_coordinates(self.points, self.triangles, self.positions[block])
-                held = sum(kept.nbytes for kept in list(_kept.values()))
-                if held + weights.nbytes <= _LARGEST_CACHE:
+                if sum(kept.nbytes for kept in list(_kept.values())) + weights.nbytes <= _LARGEST_CACHE:
                     self._weights[first] = _kept[id(weights)] = weights
             moved[block] = transport(weights, vertices)
             report(min(block.stop, len(moved)) / len(moved))

@@ -91,8 +91,7 @@ def angles_to_inner_sheet(ends: Floats, directions: Floats, within: Bools) -> tu
     may meet. The sheet is their plane of least squares: the ends are nearer to a plane than to a line.
     Directions (k, 3) are unit vectors.
     """
-    count = min(SIDES + 1, len(ends))
-    near = cKDTree(ends).query(ends, np.arange(1, count + 1))[1]
+    near = cKDTree(ends).query(ends, np.arange(1, min(SIDES + 1, len(ends)) + 1))[1]
     arms = ends[near] - ends[near].mean(axis=1, keepdims=True)
     sizes, axes = np.linalg.eigh(np.swapaxes(arms, 1, 2) @ arms)
     low, middle, high = sizes.T

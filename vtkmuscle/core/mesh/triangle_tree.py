@@ -58,8 +58,7 @@ class TriangleTree:
         """Return nearest triangles, nearest points, and distances >= 0. Of points (q, 3)."""
         nearest, distances = np.zeros(len(queries), dtype=np.int64), np.zeros(len(queries))
         queries, closest = np.ascontiguousarray(queries), np.zeros((len(queries), 3))
-        tree = self.corners, self.boxes, self.leaves
-        search_tree(*tree, queries, nearest, closest, distances, *_memory())
+        search_tree(self.corners, self.boxes, self.leaves, queries, nearest, closest, distances, *_memory())
         return self.order[nearest], closest, distances
 
     def inside(self, queries: Floats) -> Bools:

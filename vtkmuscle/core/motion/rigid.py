@@ -238,8 +238,7 @@ def hinge(
     written = ", ".join(f"{component:g}" for component in direction)
     twists = np.tile(twist_about(position, axis), (len(times), 1))
     angle = Coordinate(times, "deg", f"right-handed about ({written})", {bone: twists})
-    name = coordinate or f"{bone}_angle"
-    return RigidMotion(times, {bone: table}, position, {name: angle})
+    return RigidMotion(times, {bone: table}, position, {coordinate or f"{bone}_angle": angle})
 
 
 def _between(pair: Floats, fraction: float, centre: Floats) -> Floats:

@@ -171,10 +171,8 @@ def change_gradient(
         for i in range(1, n - 1):
             v0, v1, v2 = velocity[a, i, 0], velocity[a, i, 1], velocity[a, i, 2]
             for c in range(3):
-                h, bow = (
-                    held[a, i, c],
-                    2.0 * velocity[a, i, c] - velocity[a, i - 1, c] - velocity[a, i + 1, c],
-                )
+                h = held[a, i, c]
+                bow = 2.0 * velocity[a, i, c] - velocity[a, i - 1, c] - velocity[a, i + 1, c]
                 change[a, i, c] = bow + (h[0] * v0 + h[1] * v1 + h[2] * v2)
     by = change.reshape(f * n, 3)
     for r in range(len(neighbours.pairs)):
@@ -189,12 +187,8 @@ def change_gradient(
 @lane
 def _change_spring(lanes: Floats, constants: Floats, k: int) -> None:
     t0, t1, t2, u0, u1, u2, size, ahead, apart = axes_of(lanes, k)
-    w0, w1, w2, widened = (
-        lanes[7 * WIDTH + k],
-        lanes[8 * WIDTH + k],
-        lanes[9 * WIDTH + k],
-        lanes[10 * WIDTH + k],
-    )
+    w0, w1 = lanes[7 * WIDTH + k], lanes[8 * WIDTH + k]
+    w2, widened = lanes[9 * WIDTH + k], lanes[10 * WIDTH + k]
     d0, d1, d2 = lanes[11 * WIDTH + k], lanes[12 * WIDTH + k], lanes[13 * WIDTH + k]
     per_size, per_apart, width = 1.0 / size, 1.0 / apart, lanes[3 * WIDTH + k]
     per_size, per_apart = per_size if size > 0.0 else 0.0, per_apart if apart > 0.0 else 0.0

@@ -255,8 +255,7 @@ class SheetPose:
 
         def change(velocity: Floats) -> Floats:
             rates, result = np.einsum("fni,fni->f", wider, velocity), np.empty_like(velocity)
-            work = self._rows, going, self._lanes
-            change_gradient(velocity, rates, held, sheet.neighbours, *work, result)
+            change_gradient(velocity, rates, held, sheet.neighbours, self._rows, going, self._lanes, result)
             return result
 
         def step(gradient: Floats) -> Floats:

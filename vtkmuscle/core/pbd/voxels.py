@@ -189,9 +189,8 @@ class VoxelContact:
         if self._divided not in grids:
             surface = bone.points, bone.triangles
             with errors_at(bone.name):
-                grids[self._divided] = build_voxel_grid(
-                    *surface, n_max=n_max, n_equal=n_equal, what=bone.name
-                )
+                grid = build_voxel_grid(*surface, n_max=n_max, n_equal=n_equal, what=bone.name)
+                grids[self._divided] = grid
         return grids[self._divided]
 
     def at(

@@ -101,8 +101,7 @@ class Skinning:
         f, n = len(self._lengths), len(self._rest) // len(self._lengths)
         tree = cKDTree(self._rest)
         away, near = tree.query(points, k=range(1, min(LOOKED_AT, tree.n) + 1))
-        count = min(CARRIERS, f)
-        paths, apart, at = _places_beside(points, self._rest.reshape(f, n, 3), near // n, count)
+        paths, apart, at = _places_beside(points, self._rest.reshape(f, n, 3), near // n, min(CARRIERS, f))
         # A path that none of these points is of is farther than the last.
         seen = apart if tree.n <= LOOKED_AT else np.minimum(apart, away[:, -1:])
         parts = falling_weights(seen, least)

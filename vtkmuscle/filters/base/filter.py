@@ -114,8 +114,7 @@ class Filter(Runnable, Algorithm):
 
     def __copy__(self, _memo: object = None) -> Self:
         """Return a filter with the same parameters and connections. Also as a deep copy."""
-        inputs = {port.name: port.read(self) for port in self.input_ports}
-        return type(self)(**self.parameters(), **inputs)
+        return type(self)(**self.parameters(), **{port.name: port.read(self) for port in self.input_ports})
 
     __deepcopy__ = __copy__
 
