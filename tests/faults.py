@@ -1,7 +1,5 @@
 """Processes that are stopped, disks that run full, and what is left then."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

@@ -1,7 +1,5 @@
 """What is done with what is damaged: a scene is run, a run goes on into its results."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

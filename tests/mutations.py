@@ -1,7 +1,5 @@
 """Damaged files: a small mutator with planted seeds, and readers in a process that may end."""
 
-from __future__ import annotations
-
 import json
 import random
 import re

@@ -1,7 +1,5 @@
 """Bones as pictures have them: coarser, in place, and seen from outside alone where they are solid."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

@@ -3,8 +3,6 @@
 The documentation runs each of them too, with warnings as errors; so here they run in the long form only.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The package's metadata agree: what it needs, what it is called, who wrote it."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

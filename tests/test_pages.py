@@ -1,7 +1,5 @@
 """The code blocks of the documentation's pages run, in order, and give what the pages say."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import sys

@@ -1,7 +1,5 @@
 """Pictures: what is on them in numbers, and that they can be made, or a reason is given."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

@@ -1,7 +1,5 @@
 """What the README, the documentation and the continuous integration say must be so."""
 
-from __future__ import annotations
-
 import os
 import re
 from importlib import import_module

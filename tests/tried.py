@@ -1,7 +1,5 @@
 """What was tried, counted, for a page of the documentation."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from dataclasses import dataclass, field

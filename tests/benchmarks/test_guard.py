@@ -1,7 +1,5 @@
 """Regressions are caught by counts and by ratios within a process, never by the clock."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """No page shows a table that today's defaults would not give."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Each experiment of the papers runs on the phantom hip, in its short form, and shows what was published."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """P21's reported failure: the iliacus is drawn into the hip joint (its section 5 and Fig. 10)."""
 
-from __future__ import annotations
-
 import runpy
 from pathlib import Path
 

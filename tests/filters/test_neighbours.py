@@ -1,7 +1,5 @@
 """A deformer that keeps its muscle out of its neighbours, and a scene that does."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A spindle over a ball joint, in two coordinates."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """A slender muscle over a bony brim, in a groove of it, where the straight way has the wrong sign."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cords, which are round, along a middle line in the plane across a hinge."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """Blocks whose fibres run as those of a template do: their lengths and pennation angles are known."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

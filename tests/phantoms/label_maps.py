@@ -1,7 +1,5 @@
 """Images of labels of a phantom."""
 
-from __future__ import annotations
-
 import numpy as np
 import pyvista as pv
 from numpy.typing import ArrayLike

@@ -1,7 +1,5 @@
 """A strap that lies on a bone at rest and leaves it at a known angle."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

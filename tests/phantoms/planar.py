@@ -4,8 +4,6 @@ The hinge is along x: a point is (y, z), and flexion turns about -x, what is bel
 hinge to the front, -y.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -6,8 +6,6 @@ the back and winds it up. Above the roller the muscle lies still: whatever happe
 radius that the muscle's middle runs round.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cache
 

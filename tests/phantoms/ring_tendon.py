@@ -1,7 +1,5 @@
 """A muscle whose tendon is held by a ring, in front of a joint that bends away from it."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A belly with a thin tendon of slivers, which is pulled far round an edge."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

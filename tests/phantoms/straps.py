@@ -1,7 +1,5 @@
 """Straps, which are flat, along a middle line in the plane across a hinge, and rings on ends."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

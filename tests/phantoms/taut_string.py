@@ -1,7 +1,5 @@
 """A taut string in a plane, from end to end round a circle: where it runs and how it pulls."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A strap over two joints, with a known moment arm about each."""
 
-from __future__ import annotations
-
 from functools import cache
 from itertools import pairwise
 

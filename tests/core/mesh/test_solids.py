@@ -1,7 +1,5 @@
 """Exact distances from closed surfaces, and what is inside of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from oracles import igl

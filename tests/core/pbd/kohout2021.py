@@ -4,8 +4,6 @@ Equations, lines and sections are those of doi:10.1007/978-3-030-72379-8_24. Not
 Where the paper cannot be run as it reads, or leaves open what to do, a comment begins with "Reading:".
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 
