@@ -10,8 +10,10 @@ import pytest
 from phantoms import tendon_through_ring
 from tiny_scene import HINGE, MOTION, write_tiny_scene
 
-from vtkmuscle import Result, Scene, SceneError, hinge
+from vtkmuscle import Result, Scene, SceneError, hinge, phantoms
 from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.data.anatomy import published
+from vtkmuscle.io.literature import drawn_curves
 from vtkmuscle.plotting import can_render, plot_moment_arms
 
 PUBLISHED = """source,muscle,part,dof,angle_deg,moment_arm_mm
@@ -123,6 +125,19 @@ def test_means_through_via_rings_have_no_error(tmp_path):
     assert {row["mean_error_mm"] for row in table(tmp_path / "out/lengths.csv")} == {""}
     assert result.report["muscles"]["muscle"]["errors"]["total_mm"] is None
     assert ", error \u2013 mm" in (tmp_path / "out/report.html").read_text(encoding="utf-8")
+
+
+def test_published_ranges_are_drawn_without_being_asked_for():
+    scene = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=6)
+    axis = {"centre": (0, 0, 0), "axis": (-1, 0, 0), "coordinate": "knee_extension"}
+    motion = hinge("distal", angles=[-20.0, -10.0, 0.0], **axis)
+    muscles = {"spindle": replace(scene.muscles["spindle"], muscle="semimembranosus")}
+    result = replace(scene, motion=motion, muscles=muscles, deformer="none").run(figures=False)
+    (band,) = drawn_curves(result.published_arms("spindle"))
+    flexion = published("semimembranosus", "moment_arm", "knee_flexion")
+    assert (band.arms[0], band.upper[0]) == (-flexion.high, -flexion.low)
+    assert (band.label, *band.angles) == (f"{flexion.source}, range", -20.0, 0.0)
+    assert result.literature == {"spindle": ()}
 
 
 def test_the_literature_is_drawn_where_its_coordinate_is_that_of_the_motion(result):

@@ -114,12 +114,9 @@ def _warn_of(folder: Path, error: Exception) -> None:
     """Warn of an unusable cache of compiled kernels. Once per folder."""
     if folder not in _unusable:
         _unusable.add(folder)
-        warnings.warn(
-            f"compiled kernels cannot be kept in {folder} with numba {numba.__version__} "
-            f"({getattr(error, 'strerror', None) or error}), and are compiled in each run, for minutes; set "
-            f"{FOLDER_VARIABLE} to a writable folder, or to nothing",
-            stacklevel=4,
-        )
+        words = f"compiled kernels cannot be kept in {folder} with numba {numba.__version__} "
+        words += f"({getattr(error, 'strerror', None) or error}), and are compiled in each run, for minutes; "
+        warnings.warn(f"{words}set {FOLDER_VARIABLE} to a writable folder, or to nothing", stacklevel=4)
 
 
 class KernelCache:

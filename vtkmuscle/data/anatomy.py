@@ -126,6 +126,16 @@ def published(muscle: str, quantity: str = "", coordinate: str = "") -> Publishe
     return rows[0]._replace(low=low, high=high, source=source)
 
 
+def published_arm(muscle: str, coordinate: str, positive: str = "") -> Published | None:
+    """Return a muscle's published moment arms by a coordinate of any name and direction, None if unknown."""
+    theirs, sign = published_coordinate(coordinate, positive)
+    arm = published(muscle, "moment_arm", theirs) if theirs else None
+    if arm is None or sign > 0.0:
+        return arm
+    low, high = arm.values
+    return arm._replace(low=-arm.high, high=-arm.low, values=(-high, -low))
+
+
 def published_coordinate(name: str, positive: str = "") -> tuple[str, float]:
     """Return the table's coordinate of a coordinate's name and direction, and the sign, 1 or -1."""
     own, said = (set(re.findall("[a-z]+", text.casefold().replace("_", " "))) for text in (name, positive))

@@ -143,7 +143,8 @@ def drawn_curves(curves: Sequence[LiteratureCurve]) -> Iterator[DrawnCurve]:
             grid = np.unique(np.concatenate([curve.angles, upper.angles]))
             grid = grid[(grid >= first) & (grid <= last)]
             low, high = (np.interp(grid, side.angles, side.arms) for side in (curve, upper))
-            yield DrawnCurve(curve.source, f"{curve.source}, fibres", grid, low, high)
+            kind = _band(curve)[1].strip("_ ") or "fibres"
+            yield DrawnCurve(curve.source, f"{curve.source}, {kind}", grid, low, high)
         elif not (curve.part.endswith(UPPER) and _band(curve) in lowers):  # drawn with the lower side
             label = ", ".join(word.replace("_", " ") for word in (curve.source, curve.part) if word)
             yield DrawnCurve(curve.source, label, curve.angles, curve.arms)

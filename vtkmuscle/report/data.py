@@ -61,14 +61,8 @@ class Pack:
         differences[1:] -= whole[:-1]
         differences[2:] -= whole[1:-1] - whole[:-2]
         folded = ((differences << 1) ^ (differences >> 31)).astype(np.uint32)
-        return {
-            "frames": len(frames),
-            "points": int(frames.shape[1]),
-            "origin": [float(value) for value in low],
-            "step": step,
-            "low": self.add(folded & 255, "u8"),
-            "high": self.add(folded >> 8, "u16"),
-        }
+        sizes = {"frames": len(frames), "points": frames.shape[1], "origin": low.tolist(), "step": step}
+        return sizes | {"low": self.add(folded & 255, "u8"), "high": self.add(folded >> 8, "u16")}
 
     def text(self) -> str:
         """Return all arrays, compressed by gzip, in base64."""
@@ -257,7 +251,7 @@ def _curves(run: Result, name: str, colour: str, pack: Pack) -> dict[str, Any]:
         if measure.curve and not np.isnan(values).all():
             checks[measure.key] = rounded(np.where(np.abs(values) < 1e-9, 0.0, values))
     lengths, fibres, arms = run.lengths.get(name), run.fibre_lengths.get(name), run.all_arms.get(name, {})
-    published = {axis: curves_for(run.literature.get(name, ()), coordinate=axis) for axis in arms}
+    published = {axis: curves_for(run.published_arms(name), coordinate=axis) for axis in arms}
     return {
         "name": name,
         "label": label_of(name),

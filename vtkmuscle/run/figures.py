@@ -106,7 +106,7 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
             figures.append(FigureOrder(f"{name}_{suffix}", "plot_lengths", keywords))
     if arms := result.all_arms.get(name):
         keywords = {"arms": dict(arms), "rest": MuscleFrame(track.rest, {}, track.rest_fibres, title)}
-        keywords |= {"literature": tuple(result.literature.get(name, ())), "units": result.units}
+        keywords |= {"literature": result.published_arms(name), "units": result.units}
         figures.append(FigureOrder(f"{name}_moment_arms", "plot_moment_arms", keywords, rendered=True))
     return figures
 

@@ -19,7 +19,7 @@ from vtkmuscle.core.words import ByName, suggestion
 from vtkmuscle.data.arrays import blocks_of, multiblock_from, points_of, with_points
 from vtkmuscle.data.paths import Paths, levers_over_time, paths_of
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.io.literature import LiteratureCurve, label_of, literature_of
+from vtkmuscle.io.literature import LOWER, UPPER, LiteratureCurve, label_of, literature_of
 from vtkmuscle.plotting.views import DrawnBones
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.report_values import architecture_table, measures_of_fibres
@@ -325,6 +325,21 @@ class ResultData(ByName):
             data = data.merge({name: cube[name.removeprefix("fibre_")].to_xarray()}, join="outer")
         times = dict(zip(self.frames, self.times, strict=True))
         return data.assign_coords(time=("frame", [times[frame] for frame in data["frame"].values]))
+
+    def published_arms(self, muscle: str) -> tuple[LiteratureCurve, ...]:
+        """Return the published curves of a muscle's moment arms to draw.
+
+        Those of the scene, and bands of the ranges that the package knows, by the name of the muscle.
+        """
+        curves = [*self.literature.get(muscle, ())]
+        for name, own in self.report["muscles"][muscle].get("moment_arms", {}).items():
+            angles = self.all_arms[muscle][name].angles
+            if (known := own.get("published")) is not None:
+                ends = np.clip(known["values"], angles.min(), angles.max())
+                for part, arm in ((f"range {LOWER}", known["low"]), (f"range {UPPER}", known["high"])):
+                    arms = np.full(2, arm)
+                    curves.append(LiteratureCurve(known["source"], muscle, name, part, ends, arms))
+        return tuple(curves)
 
     def with_literature(self, path: str | PathLike[str]) -> Self:
         """Return the same result with published moment arms, which figures and the page then show.

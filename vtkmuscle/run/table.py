@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import root_mean_square
 from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import MOST_LISTED, Remedies, suggestion
 from vtkmuscle.data import toml_table
+from vtkmuscle.data.anatomy import published_arm
 from vtkmuscle.io.csv_table import write_rows
 from vtkmuscle.io.writing import plain_cell
 
@@ -197,8 +199,8 @@ class MomentArmTable(Remedies, dict[str, dict[str, JointArms]]):
         )
         return Table.stacked(COLUMNS["moment_arms_summary"], parts)
 
-    def report(self, muscle: str) -> dict[str, Any]:
-        """Return range and mean of a muscle's moment arms. By coordinate, JSON-able."""
+    def report(self, muscle: str, anatomical: str = "") -> dict[str, Any]:
+        """Return range and mean of a muscle's moment arms, and published ones. By coordinate, JSON-able."""
         report = {}
         for name, joint in self.get(muscle, {}).items():
             ends = [float(joint.values.min()), float(joint.values.max())]
@@ -208,6 +210,8 @@ class MomentArmTable(Remedies, dict[str, dict[str, JointArms]]):
             own["slope_difference_mm"] = root_mean_square(joint.arms - joint.slopes)
             residuals = joint.quartic_residuals
             own["quartic_residual_mean_mm"] = None if residuals is None else float(residuals.mean())
+            arm = published_arm(anatomical, name, joint.positive) if joint.unit in ANGLES else None
+            own["published"] = arm and arm._asdict()
             report[name] = own
         return report
 

@@ -13,7 +13,7 @@ from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data import toml_table
-from vtkmuscle.data.anatomy import PERSONAL, published, published_coordinate
+from vtkmuscle.data.anatomy import PERSONAL, published, published_arm
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.scene.data import SceneData, SceneError
@@ -286,27 +286,25 @@ def _arms(muscle: Judged, arms: JointArms) -> Iterator[Reason]:
         says += f"{arms.mean_slope[worst]:.3g} mm by the change of the lengths"
         do = "check that the coordinate and the motion of the bones are of the same joint"
         yield _look(muscle, "arm and slope", (off[worst], allowed[worst], "mm"), says, do, frames[worst])
-    coordinate, sign = published_coordinate(arms.coordinate, arms.positive)
-    arm = published(muscle.anatomical, "moment_arm", coordinate) if coordinate else None
+    arm = published_arm(muscle.anatomical, arms.coordinate, arms.positive)
     length = published(muscle.anatomical, "path_length")
-    angles = sign * arms.angles
     if arm is None or length is None:
         return
     size = muscle.path / np.array([length.high * PERSONAL, length.low / PERSONAL])
     low, high = ((arm.low - MARGIN) * size).min(), ((arm.high + MARGIN) * size).max()
-    within = (angles >= arm.values[0]) & (angles <= arm.values[1]) & np.isfinite(mean)
+    within = (arms.angles >= arm.values[0]) & (arms.angles <= arm.values[1]) & np.isfinite(mean)
     if not within.any():
         return
-    own = np.where(within, sign * mean, np.nan)
+    own = np.where(within, mean, np.nan)
     worst, sweep = int(np.nanargmax(np.maximum(low - own, own - high))), float(np.nanmean(own))
     certain = arm.low * arm.high > 0.0 and max(abs(arm.low), abs(arm.high)) > MARGIN
     opposite = certain and sweep * arm.low < 0.0
     if opposite or not low <= own[worst] <= high:
-        limit = 0.0 if opposite else sign * (low if own[worst] < low else high)
-        whole = f", of the other sign over the whole motion ({sign * sweep:.3g} mm)" if opposite else ""
+        limit = 0.0 if opposite else low if own[worst] < low else high
+        whole = f", of the other sign over the whole motion ({sweep:.3g} mm)" if opposite else ""
         says = f"the mean moment arm by {arms.coordinate} is {mean[worst]:.3g} mm at "
-        says += f"{sign * angles[worst]:.3g} degrees{whole}; published [mm]: "
-        says += _span(*sorted([sign * arm.low, sign * arm.high]), source=arm.source)
+        says += f"{arms.angles[worst]:.3g} degrees{whole}; published [mm]: "
+        says += _span(arm.low, arm.high, source=arm.source)
         do = "check the attachments, the axis and the surface there"
         yield _look(muscle, "published arms", (mean[worst], limit, "mm"), says, do, frames[worst])
 
