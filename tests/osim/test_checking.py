@@ -60,6 +60,28 @@ def test_a_moment_arm_that_changes_sign_is_found_there(tmp_path):
     assert one.arms[0] * one.arms[-1] < 0.0
 
 
+@pytest.mark.parametrize("scale", [1.0, 0.05])  # a person, and a small animal
+def test_the_sides_of_a_model_are_compared(tmp_path, scale):
+    axis = (0, 0, 1)
+    joints = [Joint(s, "hip", f"leg_{s}", [JointAxis(axis, IDENTITY, f"flexion_{s}")]) for s in "rl"]
+    tree = KinematicTree("hip", joints, [JointCoordinate(f"flexion_{s}", range=(-0.5, 1.5)) for s in "rl"])
+
+    def differences(ahead):
+        ends = [PathPoint(f"leg_{s}", (scale * x, -0.1 * scale, 0)) for s, x in (("r", 0.05), ("l", ahead))]
+        paths = [PointPath([PathPoint("hip", (0.05 * scale, 0.3 * scale, 0)), end]) for end in ends]
+        muscles = [MuscleOut(f"m_{s}", path) for s, path in zip("rl", paths, strict=True)]
+        (tmp_path / "legs.osim").write_text(osim_of(tree, muscles))
+        at, sides = np.linspace(-0.49, 1.49, 90), zip("rl", paths, strict=True)
+        right, left = (moment_arm(path, tree, {f"flexion_{s}": at}, f"flexion_{s}") for s, path in sides)
+        findings = check_model(tmp_path / "legs.osim").findings
+        return [one for one in findings if "sides" in one.what], np.abs(right - left).max()
+
+    assert differences(0.05)[0] == []
+    (one,), largest = differences(0.07)
+    assert (one.muscle, one.coordinate) == ("m_r", "flexion_r")
+    assert one.size == pytest.approx(largest, rel=0.01)
+
+
 def test_a_model_is_repaired_with_the_paths_of_a_scene(ran, tmp_path):
     results = ran[0].parent / "results"
     export(results, tmp_path / "good.osim")

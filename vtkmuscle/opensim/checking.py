@@ -15,10 +15,12 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data import toml_table
+from vtkmuscle.data.anatomy import side_of, stem_of
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.io.xml_elements import xml_text
 from vtkmuscle.joints.osim import FURTHER, NOT_USED, OFFSET
 from vtkmuscle.joints.tree import HALF_STEP, JointCoordinate
+from vtkmuscle.labels.draft import HUMAN, SMALLEST
 from vtkmuscle.opensim.mjcf import MujocoModel, read_mjcf
 from vtkmuscle.opensim.model import OsimModel, read_osim
 from vtkmuscle.opensim.osim_text import model_tree
@@ -36,6 +38,8 @@ _FORCES = ("ForceSet", "actuator", "tendon")
 FIBRES_OUTSIDE = "fibres leave 0.5 to 1.6 of optimal"
 #: Lengths of muscles (f,) for values of coordinates (f,).
 Lengths = Callable[[Sequence[str], Mapping[str, Floats]], dict[str, Floats]]
+#: Muscle, coordinate, the coordinate's unit and values (n,), and moment arms (n,) with others at rest [m].
+_Side = tuple[str, str, str, Floats, Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,9 +164,12 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
     swept = {each.name for each in model.tree.coordinates if _span(each)}
     crossed = {name: set(each.path.coordinates(model.tree)) for name, each in model.paths.items()}
     unswept = set().union(*crossed.values()) - swept
-    findings = list(_findings(model, [name for name in crossed if name not in winding], model.lengths))
+    plain = [name for name in crossed if name not in winding]
+    longest = 1000.0 * max((float(length[0]) for length in model.lengths(plain, {}).values()), default=HUMAN)
+    scale = 1.0 if longest >= SMALLEST else longest / HUMAN  # of small animals
+    findings = list(_findings(model, plain, model.lengths, scale))
     if by_opensim is not None:
-        findings += _findings(model, winding, by_opensim)
+        findings += _findings(model, winding, by_opensim, scale)
     findings.sort(key=_worst_first)
     worst = {each.muscle: _worst_first(each) for each in reversed(findings)}
     once = {(each.muscle, each.what): each for each in reversed(findings)}  # of a fibre one coordinate tells
@@ -182,8 +189,12 @@ def _worst_first(finding: PathFault) -> tuple[int, float]:
     return [*KINDS].index(finding.what), -finding.size
 
 
-def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Iterator[PathFault]:
-    tree = model.tree
+def _findings(
+    model: OsimModel, muscles: Sequence[str], lengths: Lengths, scale: float
+) -> Iterator[PathFault]:
+    """Yield the faults of muscles; the least reported sizes scale with the body."""
+    tree, least = model.tree, {what: scale * size for what, size in KINDS.items()}
+    sides: dict[tuple[str, str], dict[str | None, _Side]] = {}
     crossed = {name: model.paths[name].path.coordinates(tree) for name in muscles}
     free = [coordinate for coordinate in tree.coordinates if coordinate.name in tree.free]
     angles = {coordinate.name for coordinate in free if coordinate.is_angle}
@@ -206,14 +217,29 @@ def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Ite
             middles, arms = (sweep[1:] + sweep[:-1]) / 2.0, -np.diff(table) / (sweep[1] - sweep[0])
             unit, axis = ("deg", np.degrees(middles)) if swept.name in angles else ("m", middles)
             fibres = _fibre_faults(model.paths[muscle].parameters, sweep, table)
-            for what, sizes, sweeps, at in chain(_faults(length, sweep, table), fibres):
-                if not (real := sizes > KINDS[what]).any():
+            if (side := side_of(muscle)) == side_of(swept.name):
+                key = stem_of(muscle), stem_of(swept.name)
+                sides.setdefault(key, {})[side] = muscle, swept.name, unit, axis, arms[0]
+            for what, sizes, sweeps, at in chain(_faults(length, sweep, table, least), fibres):
+                if not (real := sizes > least[what]).any():
                     continue
                 i = int(np.where(real, sizes, 0.0).argmax())
                 pose = {name: fixed[name][sweeps[i]] for name in crossed[muscle]} | {swept.name: at[i]}
                 pose = {name: float(np.degrees(at) if name in angles else at) for name, at in pose.items()}
                 size, part = float(sizes[i]), len(np.unique(sweeps[real])) / SWEEPS
                 yield PathFault(muscle, swept.name, what, size, pose, unit, part, axis, arms[sweeps[i]])
+    for pair in sides.values():
+        yield from (fault for fault in _sides_apart(pair) if fault.size > least[fault.what])
+
+
+def _sides_apart(sides: Mapping[str | None, _Side]) -> Iterator[PathFault]:
+    """Yield the moment arm of a right muscle that differs most from that of the left one, at rest."""
+    if {"left", "right"} <= sides.keys():
+        (muscle, coordinate, unit, at, arms), (*_, theirs, others) = sides["right"], sides["left"]
+        shared = (at >= theirs[0]) & (at <= theirs[-1])
+        off = np.where(shared, np.abs(arms - np.interp(at, theirs, others)), 0.0)
+        pose, size = {coordinate: float(at[off.argmax()])}, float(off.max())
+        yield PathFault(muscle, coordinate, [*KINDS][5], size, pose, unit, 1.0 / SWEEPS, at, arms)
 
 
 def _span(coordinate: JointCoordinate) -> tuple[float, float] | None:
@@ -231,14 +257,14 @@ def _fixed_values(coordinate: JointCoordinate, random: np.random.Generator) -> F
 
 
 def _faults(
-    length: Callable[[Ints, Floats], Floats], values: Floats, lengths: Floats
+    length: Callable[[Ints, Floats], Floats], values: Floats, lengths: Floats, least: Mapping[str, float]
 ) -> Iterator[tuple[str, Floats, Ints, Floats]]:
     """Yield candidates (k,) by kind: kind, sizes, sweeps, and values of the coordinate.
 
     ``length`` returns lengths (k,) in sweeps (k,) at values (k,); ``lengths`` (s, n) are those at the swept
-    values (n,).
+    values (n,), ``least`` the smallest reported sizes.
     """
-    (jump, least_jump), (arm_jump, least_arm_jump), (sign, least_arm) = list(KINDS.items())[:3]
+    (jump, least_jump), (arm_jump, least_arm_jump), (sign, least_arm) = list(least.items())[:3]
     step, away = values[1] - values[0], _LIMITS["arm_distance"]
     steps = np.diff(lengths, axis=1)
     arms, middles = -steps / step, (values[1:] + values[:-1]) / 2.0
@@ -286,7 +312,7 @@ def _fibre_faults(
     thickness = optimal * np.sin(parameters.get("pennation_angle_at_optimal", 0.0))
     fibres = np.copysign(np.hypot(along, thickness), along)
     low, high = (part * optimal for part in _LIMITS["fibres"])
-    for what, sizes in zip([*KINDS][3:], (fibres - high, low - fibres), strict=True):
+    for what, sizes in zip([*KINDS][3:5], (fibres - high, low - fibres), strict=True):
         columns, rows = sizes.argmax(axis=1), np.arange(len(sizes))
         yield what, sizes[rows, columns], rows, values[columns]
 
