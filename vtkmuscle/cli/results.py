@@ -165,7 +165,7 @@ def check(
         return
     if not (evaluated := checked.evaluated.intersection(checked.model.muscles or checked.model.paths)):
         shared.print_error(f"error: --fail-above: no muscle of {model} could be evaluated; see the reasons")
-    sizes = [1000.0 * finding.size for finding in checked.findings if "fibre" not in finding.what]
+    sizes = [1e3 * f.size for f in checked.findings if not f.what.startswith(("fibre", "moment arms of"))]
     if not evaluated or max(sizes, default=0.0) > options.fail_above:
         raise typer.Exit(shared.Status.FAILED)
 
