@@ -29,13 +29,9 @@ DEMO_ANGLES = tuple(range(0, 91, 5))
 
 __all__ = ["Status", "app", "main"]
 
-app = typer.Typer(
-    name="vtkmuscle",
-    help="Deform muscles with moving bones, fill them with fibres, and measure them.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
+_AIM = "Deform muscles with moving bones, fill them with fibres, and measure them."
+app = typer.Typer(name="vtkmuscle", help=_AIM, no_args_is_help=True, add_completion=False)
+app.pretty_exceptions_enable = False
 command = partial(app.command, cls=shared.Command)
 
 

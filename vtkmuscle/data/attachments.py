@@ -68,9 +68,8 @@ def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
 
 def is_areas(value: object) -> TypeGuard[Sequence[AttachmentArea]]:
     """Return whether a value is a list or tuple of areas."""
-    if not isinstance(value, (list, tuple)) or not value:
-        return False
-    return all(isinstance(area, AttachmentArea) for area in value)
+    areas = value if isinstance(value, list | tuple) else ()
+    return len(areas) > 0 and all(isinstance(area, AttachmentArea) for area in areas)
 
 
 def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:
