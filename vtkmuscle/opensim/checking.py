@@ -113,17 +113,12 @@ class ModelCheck:
 
     def to_dict(self) -> dict[str, Any]:
         """Return findings and coverage for JSON."""
-        model = self.model
-        return {
-            "model": model.name,
-            "muscles": list(model.muscles),
-            "ligaments": list(model.ligaments),
-            "by_opensim": list(self.by_opensim),
-            "not_evaluated": [*self.not_checked, *self.still],
-            "coordinates_not_swept": list(self.not_swept),
-            "not_used": list(model.not_used),
-            "findings": [dict(zip(COLUMNS, f.row, strict=True)) | {"pose": f.pose} for f in self.findings],
-        }
+        model, left = self.model, (*self.not_checked, *self.still)
+        parts = {"muscles": model.muscles, "ligaments": model.ligaments, "by_opensim": self.by_opensim}
+        parts |= {"not_evaluated": left, "coordinates_not_swept": self.not_swept, "not_used": model.not_used}
+        lists = {name: list(names) for name, names in parts.items()}
+        findings = [dict(zip(COLUMNS, f.row, strict=True)) | {"pose": f.pose} for f in self.findings]
+        return {"model": model.name, **lists, "findings": findings}
 
     def table(self) -> Table:
         """Return the findings by row; angles in degrees, sizes in millimetres."""
