@@ -71,8 +71,7 @@ def _joints(tree: KinematicTree, bodies: Mapping[str, str], first: Mapping[str, 
         if parent is None:
             continue
         crossed = [tree.coordinate(name) for name in tree.crossed([body, parent])]
-        kind = "custom" if crossed else "weld"
-        joints[bone] = {"parent": first[parent], "child": bone, "type": kind}
+        joints[bone] = {"parent": first[parent], "child": bone, "type": "custom" if crossed else "weld"}
         turns = [each for each in crossed if each.is_angle and each.range and not each.locked]
         if turns:
             widest = max(turns, key=lambda each: float(np.ptp(each.range or 0.0)))

@@ -184,18 +184,11 @@ def _page_values(draft: Draft) -> dict[str, Any]:
     for joint in draft.joints.values():
         axes = _HALF_AXIS * draft.scale * np.array(joint.get("axes") or [joint.get("axis", (0.0, 0.0, 0.0))])
         add("", "axes", [joint["centre"] + axis * np.array([[-1.0], [1.0]]) for axis in axes if axis.any()])
-    front, left = (-1, 1) if draft.frame == "LPS" else (1, -1)
-    sides = {"front": (0, front), "back": (0, -front), "left": (left, 0), "right": (-left, 0)}
-    views = {name: f"{x} {y} 0" for name, (x, y) in sides.items()} | {"above": "0.001 0 1"}
-    guesses = [
-        {"confidence": sure, "what": what, "value": value, "why": why, "look": float(sure) < LOOK}
-        | {"muscle": next((name for name in draft.muscles if what.startswith(f"muscles.{name}.")), "")}
-        for sure, what, value, why in table_of(draft.guesses)[1:]
-    ]
     bones = packed_bones(DrawnBones(multiblock_from(draft.bones)), pack)
+    front = -1 if draft.frame == "LPS" else 1
     scene = {"mm": 1.0, "bones": bones, "muscles": muscles, "view": {"towards": [0, front, 0]}}
-    data = {"scene": scene, "guesses": guesses, "text": draft.text}
-    own = {"folder": draft.file.parent.resolve().name, "look": LOOK, "colours": COLOURS, "views": views}
+    data = {"scene": scene, "guesses": table_of(draft.guesses)[1:], "text": draft.text}
+    own = {"draft": draft, "look": LOOK, "colours": COLOURS, "front": front}
     return {"data": data, "arrays": Markup(pack.text()), **own}
 
 

@@ -233,8 +233,8 @@ def _sides_apart(sides: Mapping[str | None, _Side]) -> Iterator[PathFault]:
         (muscle, coordinate, unit, at, arms), (*_, theirs, others) = sides["right"], sides["left"]
         shared = (at >= theirs[0]) & (at <= theirs[-1])
         off = np.where(shared, np.abs(arms - np.interp(at, theirs, others)), 0.0)
-        pose, size = {coordinate: float(at[off.argmax()])}, float(off.max())
-        yield PathFault(muscle, coordinate, [*KINDS][5], size, pose, unit, 1.0 / SWEEPS, at, arms)
+        where, size = {coordinate: float(at[off.argmax()])}, float(off.max())
+        yield PathFault(muscle, coordinate, [*KINDS][5], size, where, unit, 1.0 / SWEEPS, at, arms)
 
 
 def _span(coordinate: JointCoordinate) -> tuple[float, float] | None:

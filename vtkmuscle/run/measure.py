@@ -60,13 +60,11 @@ class MuscleMeasure:
     def at_rest(self) -> dict[str, Any]:
         """Return the numbers of the muscle at rest."""
         fixed = {bone: int((self._fixed_to == i).sum()) for i, bone in enumerate(self._bones)}
-        return {
-            "points": len(self._rest),
-            "triangles": len(self._triangles),
-            "volume_mm3": self._volume * self._millimetres**3,
-            "fixed_points": {bone: count for bone, count in fixed.items() if count},
-            "rest": self._sizes("penetration", self._rest_depths, count="penetrating_points"),
-        }
+        sizes: dict[str, Any] = {"points": len(self._rest), "triangles": len(self._triangles)}
+        sizes["volume_mm3"] = self._volume * self._millimetres**3
+        depths = self._sizes("penetration", self._rest_depths, count="penetrating_points")
+        counts = {bone: count for bone, count in fixed.items() if count}
+        return sizes | {"fixed_points": counts, "rest": depths}
 
     def frame(self, points: Floats, transforms: Mapping[str, Floats]) -> dict[str, Any]:
         """Return the numbers of a frame.
@@ -85,13 +83,11 @@ class MuscleMeasure:
         folded = self._unfolded & (np.abs(angles) > np.radians(FOLDED))
         depths, rest = self._depths_of_free(points, now), self._rest_depths
         grown = None if depths is None or rest is None else np.maximum(depths - rest, 0.0)
-        return {
-            "misshapen_area": float(areas[misshapen].sum() / areas.sum()),
-            "folded_edges": int(folded.sum()),
-            **self._sizes("penetration", depths, count="penetrating_points"),
-            **self._sizes("penetration_new", grown),
-            "fixed_error_max_mm": float(np.linalg.norm(points - held, axis=1).max()) * self._millimetres,
-        }
+        share, off = float(areas[misshapen].sum() / areas.sum()), np.linalg.norm(points - held, axis=1)
+        row: dict[str, Any] = {"misshapen_area": share, "folded_edges": int(folded.sum())}
+        row |= self._sizes("penetration", depths, count="penetrating_points")
+        row |= self._sizes("penetration_new", grown)
+        return row | {"fixed_error_max_mm": float(off.max()) * self._millimetres}
 
     def overlap(self, points: Floats, muscles: Iterable[vtkPolyData]) -> dict[str, Any]:
         """Return the depth of points (n, 3) inside other muscles, by the names of the report."""

@@ -3,7 +3,7 @@
 /* The text of a scene in which guesses count as given: without their confidences. */
 function withAccepted(text, guesses) {
   let lines = text.split("\n");
-  for (const { what, value, confidence, why } of guesses) {
+  for (const [confidence, what, value, why] of guesses) {
     const note = `# confidence ${confidence}: ${why}`;
     lines = lines.filter((line) => !line.startsWith(`"${what}" = `));
     lines = lines.map((line) => (line.startsWith(note) ? `# accepted: ${why}` : line));
