@@ -125,7 +125,7 @@ def test_a_guess_that_is_not_sure_is_looked_at_until_it_is_confirmed(files, tmp_
 @pytest.mark.parametrize(
     ("keep", "words"),
     [
-        (("Femur R.vtp", "iliacus_r.vtp"), "no joint was found between the bones"),
+        (("Femur R.vtp", "iliacus_r.vtp"), "angles in [motion.hinge]"),
         (("Pelvis.vtp", "iliacus_r_origin.csv"), "no known muscle and role"),
     ],
 )

@@ -82,8 +82,9 @@ class Draft:
         self.guesses += guesses
         if not self.sweep:
             why = "; ".join(g.why for g in guesses) or f"the bones are {', '.join(self.bones) or 'none'}"
-            remedy = "hips, knees, shoulders and elbows are fitted, by names such as femur_r and pelvis"
-            self.lacks = f"no joint was found between the bones: {why}; {remedy}"
+            fitted = "hips, knees, shoulders and elbows are fitted, by names such as femur_r and pelvis"
+            remedy = "else write a scene.toml, with bone, centre, axis and angles in [motion.hinge]"
+            self.lacks = f"no joint was found between the bones: {why}; {fitted}; {remedy}"
             return
         for muscle in list(self.muscles):
             try:
