@@ -116,7 +116,11 @@ REFUSED = [
     ("FibreSource", {"course": "sections"}, "course='sections' leads fibres between attachment areas"),
     ("FibreSource", {"attachments": None, "aponeuroses": None}, "connect attachments or aponeuroses"),
     *(
-        ("FibreSource", {"attachments": SAME, "aponeuroses": None, "course": course}, "most points in common")
+        (
+            "FibreSource",
+            {"attachments": SAME, "aponeuroses": None, "course": course},
+            "insertion share most points",
+        )
         for course in ("straight", "sections")
     ),
     ("FibreTransport", {"rest_muscle": opened}, "rest_muscle: the surface has 3 open edge"),

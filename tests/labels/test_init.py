@@ -56,10 +56,10 @@ def init(*arguments):
 def test_a_scene_is_drawn_up_that_runs(files, tmp_path):
     (tmp_path / "deep/er").mkdir(parents=True)
     (tmp_path / "link").symlink_to(tmp_path / "deep/er")
-    done = init(*files, "--out", tmp_path / "link/scene")
+    done = init(*files, "--out", tmp_path / "link/scene (1)")
     assert done.exit_code == 0, done.output
-    scene = vtkmuscle.Scene.load(tmp_path / "link/scene/scene.toml")
-    assert scene.units == "m"
+    scene = vtkmuscle.Scene.load(tmp_path / "link/scene (1)/scene.toml")
+    assert (scene.units, scene.name) == ("m", "scene 1")
     assert sorted(scene.bones) == ["femur_right", "pelvis"]
     areas = {name: {area.role: area for area in muscle.attachments} for name, muscle in scene.muscles.items()}
     found = {(role, area.bone) for each in areas.values() for role, area in each.items()}

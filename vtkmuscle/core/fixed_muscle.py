@@ -26,7 +26,6 @@ class FixedMuscle(NamedTuple):
     def topology(self) -> MeshTopology:
         """Return the surface's edges. A surface without volume, or that would tear, raises a ValueError."""
         if -1 < self.fixed_to.min() < self.fixed_to.max():
-            problem = "all points are fixed, to several bones, so the muscle would tear"
-            raise InputError("", problem, "detect fixed points by another method or distance")
+            raise InputError("", "all points are fixed, so bones would tear it", "change method or distance")
         check_volume(self.points, signed_volume(self.points, self.triangles))
         return mesh_topology(len(self.points), self.triangles)

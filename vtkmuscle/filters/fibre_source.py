@@ -117,8 +117,7 @@ class FibreSource(Filter):
         areas = attachments or []
         ends = [set(muscle.geometry.attached(areas, role)) for role in ROLES if aponeuroses is None]
         if ends and 2 * len(ends[0] & ends[1]) > max(map(len, ends)):
-            problem = "the areas of origin and insertion have most points in common"
-            raise InputError("attachments", problem, "correct the landmarks; fibres run between both")
+            raise InputError("attachments", "origin and insertion share most points", "correct the landmarks")
         if aponeuroses is None and (self.course == "sections" or superficial is not None):
             return _passed_on(self._by_sections(muscle, areas, superficial), muscle)
         geometry = muscle.closed("and so no inside to keep fibres in")

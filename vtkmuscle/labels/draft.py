@@ -54,9 +54,8 @@ class Draft:
     ``frame`` is of the surfaces, ``units`` of the written scene. ``surfaces`` are existing files, relative to
     the scene; missing files are written. Up to ``within`` [mm] a muscle and a bone are in contact; ``scale``
     is the size of the animal against a human. ``left_out`` has reasons, by muscle that cannot be made, and
-    ``loose`` the surfaces of these muscles; ``joints`` and ``sweep`` are as of
-    :func:`~vtkmuscle.labels.guesses.guessed_joints`. ``lacks`` is the reason of a scene that cannot run, and
-    ``file`` the written scene.
+    ``loose`` the surfaces of these muscles; ``joints`` and ``sweep`` are as of ``guessed_joints``. ``lacks``
+    is the reason of a scene that cannot run, and ``file`` the written scene.
     """
 
     name: str
@@ -75,6 +74,9 @@ class Draft:
     sweep: dict[str, float] = field(default_factory=dict)
     lacks: str = ""
     file: Path = Path("scene.toml")
+
+    def __post_init__(self) -> None:
+        self.name = " ".join(re.findall(r"[\w+-]+", self.name)).strip("+- ") or "scene"  # a file name
 
     def complete(self) -> None:
         """Guess joints and missing areas; leave out muscles without areas."""
@@ -234,7 +236,7 @@ def draft_of_files(
     ``stated`` is ``"bone"`` or ``"muscle"`` by name. FileNotFoundError or ValueError if a file cannot be
     read, or its name is not recognised.
     """
-    draft = Draft(out.resolve().name or "scene", frame=frame)
+    draft = Draft(out.resolve().name, frame=frame)
     landmarks, meshes, clouds = [], {}, {}
     for file in files:
         check_is_file(file)
