@@ -10,7 +10,6 @@ from phantoms import hip, label_map
 from slow import slow
 
 from vtkmuscle import Scene
-from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume, survey
@@ -176,5 +175,5 @@ def test_surfaces_and_volumes_are_written_without_a_joint(tmp_path, monkeypatch)
         surface = read_surface(tmp_path / f"{row['kind']}s/{row['structure']}.vtp")
         assert float(row["volume_mm3"]) == pytest.approx(signed_volume(*checked_surface(surface, "")))
     names.SetValue(0, names.GetValue(2).title())
-    with pytest.raises(InputError, match=f"two labels are called '{names.GetValue(2)}'"):
+    with pytest.raises(ValueError, match=f"two labels are called '{names.GetValue(2)}'"):
         draft_of(image, monkeypatch)
