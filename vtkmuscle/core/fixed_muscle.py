@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, mesh_topology, signed_volume
 from vtkmuscle.core.paths.via_rings import ViaRing
 from vtkmuscle.core.types import Floats, Ints
@@ -24,8 +23,6 @@ class FixedMuscle(NamedTuple):
     rings: tuple[tuple[int, ViaRing], ...] = ()
 
     def topology(self) -> MeshTopology:
-        """Return the surface's edges. A surface without volume, or that would tear, raises a ValueError."""
-        if -1 < self.fixed_to.min() < self.fixed_to.max():
-            raise InputError("", "all points are fixed, so bones would tear it", "change method or distance")
+        """Return the surface's edges; a surface without volume raises a ValueError."""
         check_volume(self.points, signed_volume(self.points, self.triangles))
         return mesh_topology(len(self.points), self.triangles)
