@@ -115,14 +115,8 @@ REFUSED = [
     ("FibreSmoother", {"muscle": None}, "the port 'muscle' is not connected"),
     ("FibreSource", {"course": "sections"}, "course='sections' leads fibres between attachment areas"),
     ("FibreSource", {"attachments": None, "aponeuroses": None}, "connect attachments or aponeuroses"),
-    *(
-        (
-            "FibreSource",
-            {"attachments": SAME, "aponeuroses": None, "course": course},
-            "insertion share most points",
-        )
-        for course in ("straight", "sections")
-    ),
+    ("FibreSource", {"attachments": SAME, "aponeuroses": None, "course": "straight"}, "share most points"),
+    ("FibreSource", {"attachments": SAME, "aponeuroses": None, "course": "sections"}, "share most points"),
     ("FibreTransport", {"rest_muscle": opened}, "rest_muscle: the surface has 3 open edge"),
     *(
         (kind, {"deformed_muscle": other}, rf"has other triangles than rest_muscle, of {N}")

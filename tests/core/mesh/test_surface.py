@@ -11,7 +11,6 @@ from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.phantoms.meshing import box, solid_of_revolution
 
-#: A tetrahedron.
 CORNERS = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
 FACES = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
 
@@ -68,14 +67,8 @@ def test_survey_of_a_sound_surface(vase):
     ("triangles", "facts"),
     [
         (FACES[1:], {"closed": False, "n_boundary_edges": 3, "manifold": True, "oriented": True}),
-        (
-            np.vstack([FACES, [[1, 2, 4]]]),
-            {"manifold": False, "n_nonmanifold_edges": 1, "n_boundary_edges": 2},
-        ),
-        (
-            np.vstack([FACES[:1, ::-1], FACES[1:]]),
-            {"closed": True, "oriented": False, "n_misoriented_edges": 3},
-        ),
+        (np.r_[FACES, [[1, 2, 4]]], {"manifold": False, "n_nonmanifold_edges": 1, "n_boundary_edges": 2}),
+        (np.r_[FACES[:1, ::-1], FACES[1:]], {"closed": True, "oriented": False, "n_misoriented_edges": 3}),
         (np.vstack([FACES, [[0, 1, 5], [1, 1, 2]]]), {"n_degenerate_triangles": 2}),
     ],
     ids=["open", "a fin", "a triangle turned over", "degenerate triangles"],
