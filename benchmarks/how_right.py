@@ -110,7 +110,7 @@ class Measured:
         """Of the paths their levers, of the fibres -dl/dq by differences, in the frames of the sweep [mm]."""
         (name,) = self.motion.coordinates
         (levers,) = joint_arms(self.lengths["paths"], self.levers, self.motion)[0].values()
-        slopes = slopes_by(self.motion, name, (name,), self.lengths["fibres"])
+        slopes = slopes_by(self.motion, name, (name,), self.lengths["fibres"], 1)
         return {"paths": levers.arms, "fibres": slopes[levers.frames]}
 
 

@@ -219,6 +219,8 @@ def test_ctrl_c_while_libraries_are_loaded_is_one_line(module, scene_file, tmp_p
 def test_the_demo_writes_a_scene_that_can_be_run_again(tmp_path, monkeypatch):
     # A smaller phantom than the hip.
     monkeypatch.setattr(vtkmuscle.phantoms, "hip", lambda **_: vtkmuscle.phantoms.spindle_over_hinge())
+    assert vtkmuscle_("demo", "--out", tmp_path / "my demo", "--muscle", "psoas").exit_code == 2
+    assert not (tmp_path / "my demo").exists()
     done = vtkmuscle_("demo", "--out", tmp_path / "my demo", "--frames", "0:2", "--no-figures")
     assert done.exit_code == 0
     path = tmp_path / "my demo/scene/scene.toml"

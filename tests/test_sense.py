@@ -61,10 +61,11 @@ def one_point(value):
     return change
 
 
-def translated(scene, ways):
-    poses = np.tile(np.eye(4), (len(ways), 1, 1))
+def translated(scene, ways, **column):
+    poses, times = np.tile(np.eye(4), (len(ways), 1, 1)), np.arange(len(ways), dtype=float)
     poses[:, 0, 3] = ways
-    return replace(scene, motion=RigidMotion(np.arange(len(ways), dtype=float), {"femur": poses}))
+    coordinates = {name: Coordinate(values, "mm") for name, values in column.items()}
+    return replace(scene, motion=RigidMotion(times, {"femur": poses}, None, coordinates))
 
 
 def shuffled(points):
@@ -118,6 +119,10 @@ NONSENSE = {
     "coordinate in another unit": (
         lambda s: hinged(s, flexion=np.radians(range(0, 31, 5))), False,
         r"the bones turn by 57\.3 degrees per degree of the coordinate",
+    ),
+    "translation in another unit": (
+        lambda s: translated(s, [0, 1, 2], slide=[0.0, 1e-3, 2e-3]), False,
+        r"the bones move by 1e\+03 mm per mm of the coordinate",
     ),
     "coordinate of another motion": (
         lambda s: hinged(s, angles=[0, 5, 10, 15], flexion=[0.0, 50.0, 13.0, 80.0]), False,
@@ -277,9 +282,11 @@ def test_a_run_says_it_and_writes_nothing_where_it_is_sure(good, tmp_path):
 
 
 def test_a_muscle_that_is_all_fixed_is_said_to_be(tmp_path):
-    scene = Scene.load(write_tiny_scene(tmp_path))
+    scene = replace(Scene.load(write_tiny_scene(tmp_path)), fixing={"method": "proximity", "distance": 1e3})
     with pytest.warns(UserWarning, match="no point is deformed"):
-        replace(scene, fixing={"method": "proximity", "distance": 1000.0}).run(frames="0:1", figures=False)
+        replace(scene, deformer="none", solver={}).run(frames="0:1", figures=False)
+    with pytest.warns(UserWarning, match="no point"), pytest.raises(SceneError, match="would tear"):
+        scene.run(frames="0:1", figures=False)
 
 
 def test_a_decimal_comma_is_seen(tmp_path):

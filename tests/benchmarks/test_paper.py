@@ -41,8 +41,7 @@ def case(benchmarks):
 
 
 @pytest.mark.parametrize(
-    "name",
-    [*sorted(QUICK - SLOW), *slow(*SLOW), *(pytest.param(n, marks=pytest.mark.study) for n in OTHERS)],
+    "name", [*sorted(QUICK - SLOW), *slow(*SLOW), *(pytest.param(n, marks=pytest.mark.study) for n in OTHERS)]
 )
 def test_experiment_runs_on_the_phantom(name, case):
     tables = importlib.import_module(name).tables(case)

@@ -54,10 +54,10 @@ def init(*arguments):
 def test_a_scene_is_drawn_up_that_runs(files, tmp_path):
     (tmp_path / "deep/er").mkdir(parents=True)
     (tmp_path / "link").symlink_to(tmp_path / "deep/er")
-    done = init(*files, "--out", tmp_path / "link/scene")
+    done = init(*files, "--out", tmp_path / "link/scene (1)")
     assert done.exit_code == 0, done.output
-    scene = vtkmuscle.Scene.load(tmp_path / "link/scene/scene.toml")
-    assert scene.units == "m"
+    scene = vtkmuscle.Scene.load(tmp_path / "link/scene (1)/scene.toml")
+    assert (scene.units, scene.name) == ("m", "scene 1")
     assert sorted(scene.bones) == ["femur_right", "pelvis"]
     areas = {name: {area.role: area for area in muscle.attachments} for name, muscle in scene.muscles.items()}
     found = {(role, area.bone) for each in areas.values() for role, area in each.items()}
@@ -185,7 +185,7 @@ def test_a_guess_that_is_not_sure_is_looked_at_until_it_is_confirmed(files, tmp_
 @pytest.mark.parametrize(
     ("keep", "words", "status"),
     [
-        (("Femur R.vtp", "iliacus_r.vtp"), "no joint was found between the bones", 0),
+        (("Femur R.vtp", "iliacus_r.vtp"), "angles in [motion.hinge]", 0),
         (("Pelvis.vtp", "iliacus_r_origin.csv"), "no known muscle and role", 2),
     ],
 )

@@ -174,3 +174,6 @@ def test_surfaces_and_volumes_are_written_without_a_joint(tmp_path, monkeypatch)
     for row in rows:
         surface = read_surface(tmp_path / f"{row['kind']}s/{row['structure']}.vtp")
         assert float(row["volume_mm3"]) == pytest.approx(signed_volume(*checked_surface(surface, "")))
+    names.SetValue(0, names.GetValue(2).title())
+    with pytest.raises(ValueError, match=f"two labels are called '{names.GetValue(2)}'"):
+        draft_of(image, monkeypatch)

@@ -63,10 +63,10 @@ def test_names_are_those_of_totalsegmentator_in_the_header(write, tmp_path):
 
 def test_a_segmentation_of_slicer_has_names_and_layers(write, tmp_path):
     layers = np.stack([VOXELS, VOXELS[::-1]], axis=-1)
-    words = {"Segment0_LabelValue": "1", "Segment0_Name": "femur", "Segment0_Layer": "0"}
+    words = {"Segment0_LabelValue": "1", "Segment0_Name": "femur, left ", "Segment0_Layer": "0"}
     words |= {"Segment1_LabelValue": "1", "Segment1_Name": "iliacus", "Segment1_Layer": "1"}
     images = read_labels(write(tmp_path / "map.seg.nrrd", layers, **words))
-    assert [next(iter(labels_in(image, ""))) for image in images] == ["femur", "iliacus"]
+    assert [next(iter(labels_in(image, ""))) for image in images] == ["femur left", "iliacus"]
 
 
 def test_a_folder_has_a_file_for_each_structure(write, tmp_path):

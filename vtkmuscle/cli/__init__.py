@@ -105,6 +105,7 @@ def demo(out: shared.OutOption = None, *, options: shared.RunArguments) -> None:
     from vtkmuscle.scene.writing import save_unless_there
 
     scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.hip(angles=DEMO_ANGLES))
+    scene.chosen(**options.choice)  # an unknown muscle is an error before a file is written
     path = save_unless_there(scene, folder / "scene", overwrite=options.overwrite)
     loaded = vtkmuscle.Scene.load(path)
     words = f"The scene is {path}: edit the file, or use your own surfaces, and run"

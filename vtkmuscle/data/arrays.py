@@ -32,11 +32,14 @@ def points_of(data: Any) -> Floats:
 def triangles_of(surface: vtkPolyData, where: str) -> Ints:
     """Return a surface's triangles (m, 3); ValueError at `where` for other faces."""
     polys = surface.GetPolys()
-    if polys.GetNumberOfCells() == 0:
+    if polys.GetNumberOfCells() + surface.GetNumberOfStrips() == 0:
         raise InputError(where, "the surface has no triangles")
     if surface.GetNumberOfStrips() or polys.IsHomogeneous() != 3:
         raise InputError(where, "the surface has faces that are not triangles", "run vtkTriangleFilter on it")
-    return np.array(vtk_to_numpy(polys.GetConnectivityArray()), dtype=np.int64).reshape(-1, 3)
+    triangles = np.array(vtk_to_numpy(polys.GetConnectivityArray()), dtype=np.int64).reshape(-1, 3)
+    if triangles.min() < 0 or triangles.max() >= surface.GetNumberOfPoints():
+        raise InputError(where, "a triangle has a corner that is no point", "export the surface again")
+    return triangles
 
 
 def checked_surface(surface: vtkPolyData, where: str) -> tuple[Floats, Ints]:

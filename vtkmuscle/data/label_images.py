@@ -121,15 +121,15 @@ MOST = np.iinfo(np.uint16).max
 
 
 def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, str]) -> vtkImageData:
-    """Return an image of named labels (nk, nj, ni), with the frame of :class:`Label`."""
+    """Return an image of labels (nk, nj, ni). The frame is as of :class:`Label`; no name has commas."""
     spacing = np.linalg.norm(frame[:3, :3], axis=0)
     placed = {"Dimensions": voxels.shape[::-1], "Origin": frame[:3, 3].tolist(), "Spacing": spacing.tolist()}
     image: vtkImageData = arrays.with_settings(vtkImageData(), **placed)
     image.SetDirectionMatrix(*(frame[:3, :3] / spacing).ravel())
     arrays.add_arrays(image, points={"Label": voxels.ravel()})
     image.GetPointData().SetActiveScalars("Label")
-    fields = {VALUES: np.array(list(names), dtype=np.int64), NAMES: list(names.values())}
-    return arrays.add_arrays(image, fields=fields)
+    texts = [" ".join(name.replace(",", " ").split()) for name in names.values()]
+    return arrays.add_arrays(image, fields={VALUES: np.array(list(names), dtype=np.int64), NAMES: texts})
 
 
 @dataclass(frozen=True, eq=False)

@@ -96,11 +96,13 @@ def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
 def fixed_muscle(
     muscle: Surface, bones: Sequence[str], fibres: Polylines | None, *, driven: bool = False, **rings: Any
 ) -> FixedMuscle:
-    """Return a muscle at rest. Raise an InputError if no point is fixed and no force drives the muscle."""
+    """Return a muscle at rest. InputError if nothing moves it, or bones tear it; rings mean paths alone."""
     lines = None if fibres is None else (fibres.points, fibres.offsets)
     fixed = FixedMuscle(muscle.points, muscle.triangles, fixed_points_of(muscle, bones), lines, **rings)
-    if (fixed.fixed_to < 0).all() and not driven:
+    torn = not rings and -1 < fixed.fixed_to.min() < fixed.fixed_to.max()
+    if torn or ((fixed.fixed_to < 0).all() and not driven):
         problem = "no point is fixed to a bone, so the muscle would not move"
+        problem = "all points are fixed, to several bones, so the muscle would tear" if torn else problem
         raise InputError(muscle.where, problem, "detect fixed points by another method or distance")
     return fixed
 

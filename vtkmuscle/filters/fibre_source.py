@@ -69,9 +69,9 @@ class FibreSource(Filter):
     Raises
     ------
     ValueError
-        If the muscle is not closed; if there are neither aponeuroses nor attachments of both roles; if an
-        aponeurosis is far from the muscle, covers the muscle, or overlaps the other, or the two are
-        exchanged; if ``course="sections"`` is combined with aponeuroses.
+        If the muscle is not closed; if there are neither aponeuroses nor attachments of both roles; if the
+        two areas are the same; if an aponeurosis is far from the muscle, covers the muscle, or overlaps the
+        other, or the two are exchanged; if ``course="sections"`` is combined with aponeuroses.
 
     References
     ----------
@@ -115,6 +115,9 @@ class FibreSource(Filter):
         if attachments is None and aponeuroses is None:
             raise InputError("", "no attachments are connected", "connect attachments or aponeuroses")
         areas = attachments or []
+        ends = [set(muscle.geometry.attached(areas, role)) for role in ROLES if aponeuroses is None]
+        if ends and 2 * len(ends[0] & ends[1]) > max(map(len, ends)):
+            raise InputError("attachments", "origin and insertion share most points", "correct the landmarks")
         if aponeuroses is None and (self.course == "sections" or superficial is not None):
             return _passed_on(self._by_sections(muscle, areas, superficial), muscle)
         geometry = muscle.closed("and so no inside to keep fibres in")

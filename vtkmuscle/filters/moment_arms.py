@@ -149,7 +149,7 @@ class MomentArms(Filter):
 
 def _slopes(motion: RigidMotion, names: tuple[str, ...], lengths: Floats, now: float) -> dict[str, Floats]:
     """Return -dl/dq (k,) at a time by coordinate, where defined, of lengths (f, k)."""
-    rows = {name: slopes_by(motion, name, names, lengths).T for name in names}
+    rows = {name: slopes_by(motion, name, names, lengths, 1).T for name in names}
     arms = {name: np.array([np.interp(now, motion.times, row) for row in of]) for name, of in rows.items()}
     return {name: values for name, values in arms.items() if np.isfinite(values).all()}
 

@@ -201,11 +201,11 @@ def _paths_at_rest(
 ) -> tuple[KeptPoses, Any, Any] | None:
     """Return the paths, the bones of all ends, and the free shares of bows at rest; None for no paths."""
     points, triangles, fixed_to, fibres, rings = muscle
-    if fibres is None:
-        fibres = lines_on_surface(points, mesh_topology(len(points), triangles), fixed_to)
-    if fibres is None:
+    with errors_at("rest_muscle"):
+        lines = fibres or lines_on_surface(points, mesh_topology(len(points), triangles), fixed_to)
+    if lines is None:
         return None
-    paths = evenly_spread(*fibres, resolution + 1)
+    paths = evenly_spread(*lines, resolution + 1)
     with errors_at("rest_fibres"):
         ends = bones_at_ends(paths, points, fixed_to)
         made = MusclePaths(paths, *ends, (points, triangles), bones, rings=rings, n_paths=n_paths)

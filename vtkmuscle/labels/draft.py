@@ -56,10 +56,9 @@ class Draft:
     ``frame`` is of the surfaces, ``units`` of the written scene. ``surfaces`` are existing files, relative to
     the scene; missing files are written. Up to ``within`` [mm] a muscle and a bone are in contact; ``scale``
     is the size of the animal against a human. ``left_out`` has reasons, by muscle that cannot be made, and
-    ``loose`` the surfaces of these muscles; ``joints`` and ``sweep`` are as of
-    :func:`~vtkmuscle.labels.guesses.guessed_joints`, or of an OpenSim ``model``, with further keys
-    ``opensim``. ``lacks`` is the reason of a scene that cannot run; ``file`` and ``text`` are of the written
-    scene.toml.
+    ``loose`` the surfaces of these muscles; ``joints`` and ``sweep`` are as of ``guessed_joints``, or of an
+    OpenSim ``model``, with further keys ``opensim``. ``lacks`` is the reason of a scene that cannot run;
+    ``file`` and ``text`` are of the written scene.toml.
     """
 
     name: str
@@ -82,6 +81,9 @@ class Draft:
     file: Path = Path("scene.toml")
     text: str = ""
 
+    def __post_init__(self) -> None:
+        self.name = " ".join(re.findall(r"[\w+-]+", self.name)).strip("+- ") or "scene"  # a file name
+
     def complete(self) -> None:
         """Guess joints and missing areas; leave out muscles without areas."""
         if self.model is not None:
@@ -91,9 +93,10 @@ class Draft:
         self.guesses += guesses
         if not self.sweep:
             why = "; ".join(g.why for g in guesses) or f"the bones are {', '.join(self.bones) or 'none'}"
-            remedy = "hips, knees, shoulders and elbows are fitted, by names such as femur_r and pelvis; "
-            remedy += "or give the joints as a model, an .osim with bodies of these names"
-            self.lacks = f"no joint was found between the bones: {why}; {remedy}"
+            fitted = "hips, knees, shoulders and elbows are fitted, by names such as femur_r and pelvis"
+            remedy = "give a model, an .osim with bodies of these names, or write a scene.toml, with bone, "
+            remedy += "centre, axis and angles in [motion.hinge]"
+            self.lacks = f"no joint was found between the bones: {why}; {fitted}; {remedy}"
             return
         for muscle in list(self.muscles):
             try:
@@ -253,7 +256,7 @@ def draft_of_files(
     ``stated`` is ``"bone"`` or ``"muscle"`` by name. FileNotFoundError or ValueError if a file cannot be
     read, or its name is not recognised.
     """
-    draft = Draft(out.resolve().name or "scene", frame=frame)
+    draft = Draft(out.resolve().name, frame=frame)
     landmarks, meshes, clouds = [], {}, {}
     for file in files:
         check_is_file(file)

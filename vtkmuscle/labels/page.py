@@ -277,6 +277,8 @@ def draft_of_labels(
             continue
         for name, surface in blocks_of(LabelSurfaces(labels=",".join(used), edge=edge)(image)):
             plain, kind = plain_name(name), kind_of(name)
+            if plain in labels:
+                raise InputError(str(path), f"two labels are called {plain!r}", "rename or remove one")
             labels[plain] = by_name[name]
             refused = _faults(draft, plain, f"{kind}s", surface)
             if not refused:

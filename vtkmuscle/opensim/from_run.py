@@ -267,7 +267,7 @@ def _run_of(source: Result | str | PathLike[str], options: RunOptions, named: se
     as_run = scene.with_settings(**{name: result.report[name] for name in ("deformer", "quality", "paths")})
     failed = [name for name, verdict in result.verdicts.items() if verdict == FAILED or not crossed[name]]
     if not (whole := [name for name in result.lengths if name not in failed]):
-        remedy = "see the page; give the muscles fibres, and for deformer 'pbd' paths too"
+        remedy = "a run has the reasons; give the muscles fibres, and for deformer 'pbd' paths too"
         raise InputError(path, "no muscle with paths crosses a coordinate and did not fail", remedy)
     if failed:
         warnings.warn(f"left out, for they failed or cross no coordinate: {', '.join(failed)}", stacklevel=4)

@@ -39,10 +39,7 @@ WING = np.array(SHAPES["wing"]["knots"], dtype=np.float64)
 
 def _parts(bone: str) -> list[Solid]:
     """Return the balls and thick curves of a bone."""
-    return [
-        ball(*knots, *radii) if len(knots) == 1 else thick_curve(knots, radii)
-        for knots, radii in SHAPES[bone]
-    ]
+    return [ball(*at, *radii) if len(at) == 1 else thick_curve(at, radii) for at, radii in SHAPES[bone]]
 
 
 def pelvis(head_radius: float = HEAD_RADIUS) -> Solid:

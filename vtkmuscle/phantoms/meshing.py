@@ -39,7 +39,7 @@ def _grid(origin: Floats, shape: NDArray[np.int_], spacing: float) -> Floats:
 def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tuple[Floats, Ints]:
     """Return a stack of regular polygons about the z axis, with flat ends, facing outward.
 
-    Heights (k,) ascend, radii (k,) are of circumscribed circles [mm]; ``sides`` is a multiple of 6.
+    Heights (k,) ascend, radii (k,) are of circumscribed circles [mm].
     """
     z, r = np.asarray(heights, dtype=np.float64), np.asarray(radii, dtype=np.float64)
     angles = 2.0 * np.pi * np.arange(sides) / sides
@@ -52,7 +52,7 @@ def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tup
     first = np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], axis=2)
     second = np.stack([np.stack([a, b, d], -1), np.stack([b, c, d], -1)], axis=2)
     points, triangles = [rings.reshape(-1, 3)], [np.where(falling, first, second).reshape(-1, 3)]
-    disc, faces = _hexagonal_disc(sides // 6)
+    disc, faces = _disc(sides)
     for ring, border, step in ((0, number[0], -1), (-1, number[-1], 1)):
         inner = disc[:-sides]
         ids = np.concatenate([sum(map(len, points)) + np.arange(len(inner)), border])
@@ -61,11 +61,11 @@ def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tup
     return np.vstack(points), np.vstack(triangles).astype(np.int64)
 
 
-def _hexagonal_disc(rings: int) -> tuple[Floats, Ints]:
-    """Return points of a unit disc in rings of 6, 12, ..., and triangles. The border comes last."""
-    points = [np.zeros((1, 2))]
+def _disc(sides: int) -> tuple[Floats, Ints]:
+    """Return points and triangles of a unit disc. Rings have about 6, 12, ... points, the border last."""
+    points, rings = [np.zeros((1, 2))], max(sides // 6, 1)
     for ring in range(1, rings + 1):
-        angles = 2.0 * np.pi * np.arange(6 * ring) / (6 * ring)
+        angles = 2.0 * np.pi * np.arange(count := sides * ring // rings) / count
         points.append(ring / rings * np.column_stack([np.cos(angles), np.sin(angles)]))
     disc = np.vstack(points)
     faces = Delaunay(disc).simplices  # counter-clockwise

@@ -128,8 +128,6 @@ def wrapping_cylinder(*, angles: ArrayLike | None = None) -> Phantom:
 
     Examples
     --------
-    Wound up as it comes, and unwound and wound over 140 degrees:
-
     >>> from vtkmuscle.phantoms import wrapping_cylinder
     >>> wrapping_cylinder().known["moment_arm"]
     -30.0

@@ -24,7 +24,7 @@ from vtkmuscle.io.literature import literature_of
 from vtkmuscle.scene.checks import turned_over
 from vtkmuscle.scene.data import Muscle, SceneError, SceneFiles, parsed, scene_errors_at, words_of
 from vtkmuscle.scene.joints import SceneJoints, joints_of, motion_from
-from vtkmuscle.scene.schema import Aponeuroses, Area, Estimate, SceneTable
+from vtkmuscle.scene.schema import Aponeuroses, Area, Estimate, MuscleTable, SceneTable
 from vtkmuscle.scene.validation import validated
 
 #: Landmarks look like a ring if the closing gap is below the first number, in widest gaps, and if
@@ -35,11 +35,8 @@ NEXT_TO, ROUND = 1.5, 0.15
 def read_fields(path: Path) -> dict[str, Any]:
     """Return the fields of a scene.toml; see :meth:`vtkmuscle.Scene.load`."""
     table, files = validated(parsed(path), path), SceneFiles(path)
-    bones = {
-        name: surface
-        for name, bone in table.bones.items()
-        if (surface := files.tried(f"bones.{name}.surface", bone.surface, io.read_surface)) is not None
-    }
+    read = {n: files.tried(f"bones.{n}.surface", b.surface, io.read_surface) for n, b in table.bones.items()}
+    bones = {name: surface for name, surface in read.items() if surface is not None}
     joints = motion = None
     with files.faults.gathered():
         joints = joints_of(table, files)
@@ -47,18 +44,10 @@ def read_fields(path: Path) -> dict[str, Any]:
     muscles = {name: _muscle(name, table, files, bones, motion, joints) for name in table.muscles}
     files.faults.raise_any()
     same = ("units", "muscle_contact", "deformer", "quality", "frame", "guessed")
-    fields = {
-        **{key: getattr(table, key) for key in same},
-        "name": table.name or path.stem,
-        "bones": bones,
-        "muscles": muscles,
-        "motion": motion,
-        "solver": table.solver.settings(),
-        "fixing": table.fixing.settings(),
-        "files": files.paths,
-        "joints": {} if joints is None else joints.coordinates(),
-        "paths": None if table.paths is None else table.paths.settings(),
-    }
+    fields = {key: getattr(table, key) for key in same} | _settings(table)
+    fields |= {"name": table.name or path.stem, "bones": bones, "muscles": muscles, "motion": motion}
+    fields |= {"files": files.paths, "joints": {} if joints is None else joints.coordinates()}
+    fields["paths"] = None if table.paths is None else table.paths.settings()
     return fields if table.mirror is None else _mirrored(fields, table.mirror)
 
 
@@ -100,19 +89,14 @@ def _muscle(
     crosses = None if table.crosses is None else tuple(table.crosses)
     if joints is not None and crosses is None:
         crosses = joints.crossed(area.bone for area in areas)
-    return Muscle(
-        surface,
-        tuple(areas),
-        fibres,
-        solver=table.solver.settings(),
-        fixing=table.fixing.settings(),
-        superficial_fibres=lines,
-        literature=(published or {}).get(name, ()),
-        crosses=crosses,
-        hill={} if table.hill is None else table.hill.model_dump(exclude_none=True),
-        aponeuroses=tuple(sheets),
-        muscle=table.muscle or "",
-    )
+    known: dict[str, Any] = {"literature": (published or {}).get(name, ()), "muscle": table.muscle or ""}
+    known |= {"superficial_fibres": lines, "aponeuroses": tuple(sheets), "crosses": crosses}
+    known["hill"] = {} if table.hill is None else table.hill.model_dump(exclude_none=True)
+    return Muscle(surface, tuple(areas), fibres, **_settings(table), **known)
+
+
+def _settings(table: SceneTable | MuscleTable) -> dict[str, Any]:
+    return {"solver": table.solver.settings(), "fixing": table.fixing.settings()}
 
 
 def _areas(key: str, tables: list[Area], files: SceneFiles, scene: SceneTable) -> list[AttachmentArea]:
@@ -184,10 +168,8 @@ def _mirrored(fields: dict[str, Any], axis: str) -> dict[str, Any]:
         muscle = replace(old, surface=mirrored(turned_over(old.surface)), attachments=tuple(areas))
         lines = old.superficial_fibres and mirrored(old.superficial_fibres)
         muscles[name] = replace(muscle, aponeuroses=tuple(sheets), superficial_fibres=lines)
-    motion = replace(
-        motion,
-        transforms={bone: both @ table @ both for bone, table in motion.transforms.items()},
-        centre={bone: signs * motion.centre_of(bone) for bone in motion.transforms},
-        coordinates={name: old.carried(both) for name, old in motion.coordinates.items()},
-    )
+    transforms = {bone: both @ table @ both for bone, table in motion.transforms.items()}
+    centre = {bone: signs * motion.centre_of(bone) for bone in transforms}
+    coordinates = {name: old.carried(both) for name, old in motion.coordinates.items()}
+    motion = replace(motion, transforms=transforms, centre=centre, coordinates=coordinates)
     return fields | {"bones": bones, "muscles": muscles, "motion": motion}

@@ -19,6 +19,7 @@ from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.anatomy import JOINTS, has_word
+from vtkmuscle.data.arrays import points_of
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
 from vtkmuscle.scene.data import Anatomy, Finding, Muscle, RestSurface, SceneData, SceneError
 
@@ -206,31 +207,37 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
         yield _finding("one_bone", key, bone=bones.pop())
 
 
-def _turns(scene: SceneData, name: str) -> dict[str, Floats]:
-    """Return each bone's angular velocity (m, 3) by a coordinate, per unit. 0 for bones at rest."""
+def _moves(scene: SceneData, name: str) -> dict[str, Floats]:
+    """Return each bone's velocity by a coordinate, (m, 3). Angular by an angle, else of its middle."""
     frames, twists = twists_by(scene.motion, name)
-    still = np.zeros((len(frames), 3))
-    return {bone: twists[bone][:, 3:] if bone in twists else still for bone in scene.bones}
+    angle, still, moves = scene.motion.coordinates[name].unit in ANGLES, np.zeros((len(frames), 6)), {}
+    for bone, surface in scene.bones.items():
+        twist = twists.get(bone, still)
+        shift = twist[:, :3] + np.cross(twist[:, 3:], points_of(surface).mean(axis=0))
+        moves[bone] = twist[:, 3:] if angle else scene.millimetres * shift
+    return moves
 
 
 def _coordinates(scene: SceneData) -> Iterator[Finding]:
     """Yield coordinates that contradict the motion of the bones: in size, or in direction."""
-    angles = {name: q for name, q in scene.motion.coordinates.items() if q.unit in ANGLES and q.changes}
+    changing = {name: q for name, q in scene.motion.coordinates.items() if q.changes}
+    angles = {name: q for name, q in changing.items() if q.unit in ANGLES}
     widest = np.degrees(max((float(np.ptp(q.natural)) for q in angles.values()), default=np.inf))
     if widest < CHECKS["radians"]["degrees"] and all(q.twists for q in angles.values()):
         yield _finding("radians", "motion", widest=widest)
-    for name, q in angles.items():
-        key, turns = f"motion.coordinates.{name}", _turns(scene, name)
-        pairs = [np.linalg.norm(turns[a] - turns[b], axis=1) for a, b in combinations(turns, 2)]
-        sizes = [turn for turn in pairs if len(turn)]
-        if q.twists is None and sizes:  # else the joint itself turns the bones
-            best = min(sizes, key=lambda turn: float(np.abs(np.log(turn + 1e-9)).mean()))
+    for name, q in changing.items():
+        key, check = f"motion.coordinates.{name}", "turns" if name in angles else "shifts"
+        moves, ratio = _moves(scene, name), CHECKS[check]["ratio"]
+        pairs = [np.linalg.norm(moves[a] - moves[b], axis=1) for a, b in combinations(moves, 2)]
+        sizes = [move for move in pairs if len(move)]
+        if q.twists is None and sizes:  # else the joint itself moves the bones
+            best = min(sizes, key=lambda move: float(np.abs(np.log(move + 1e-9)).mean()))
             low, high = np.percentile(best, (25, 75))
-            if low < 1.0 / CHECKS["turns"]["ratio"] or high > CHECKS["turns"]["ratio"]:
-                yield _finding("turns", key, turn=np.median(best))
+            if low < 1.0 / ratio or high > ratio:
+                yield _finding(check, key, move=np.median(best))
                 continue
-        if sizes:
-            yield from _direction(key, name, q.positive, turns, scene)
+        if sizes and name in angles:
+            yield from _direction(key, name, q.positive, moves, scene)
 
 
 def _direction(

@@ -11,16 +11,14 @@ from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.phantoms.meshing import box, solid_of_revolution
 
-TETRAHEDRON = (
-    np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]),
-    np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]),
-)
+CORNERS = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
+FACES = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
 
 
-@pytest.fixture
-def vase():
+@pytest.fixture(params=[3, 18, 20])
+def vase(request):
     """A closed surface without symmetry along its axis."""
-    return solid_of_revolution([0.0, 3.0, 7.0, 12.0], [4.0, 6.0, 3.0, 5.0], 18)
+    return solid_of_revolution([0.0, 3.0, 7.0, 12.0], [4.0, 6.0, 3.0, 5.0], request.param)
 
 
 def test_unique_edges_agree_with_igl(vase):
@@ -68,21 +66,15 @@ def test_survey_of_a_sound_surface(vase):
 @pytest.mark.parametrize(
     ("triangles", "facts"),
     [
-        (TETRAHEDRON[1][1:], {"closed": False, "n_boundary_edges": 3, "manifold": True, "oriented": True}),
-        (
-            np.vstack([TETRAHEDRON[1], [[1, 2, 4]]]),
-            {"manifold": False, "n_nonmanifold_edges": 1, "n_boundary_edges": 2},
-        ),
-        (
-            np.vstack([TETRAHEDRON[1][:1, ::-1], TETRAHEDRON[1][1:]]),
-            {"closed": True, "oriented": False, "n_misoriented_edges": 3},
-        ),
-        (np.vstack([TETRAHEDRON[1], [[0, 1, 5], [1, 1, 2]]]), {"n_degenerate_triangles": 2}),
+        (FACES[1:], {"closed": False, "n_boundary_edges": 3, "manifold": True, "oriented": True}),
+        (np.r_[FACES, [[1, 2, 4]]], {"manifold": False, "n_nonmanifold_edges": 1, "n_boundary_edges": 2}),
+        (np.r_[FACES[:1, ::-1], FACES[1:]], {"closed": True, "oriented": False, "n_misoriented_edges": 3}),
+        (np.vstack([FACES, [[0, 1, 5], [1, 1, 2]]]), {"n_degenerate_triangles": 2}),
     ],
     ids=["open", "a fin", "a triangle turned over", "degenerate triangles"],
 )
 def test_survey_of_a_tetrahedron_with_a_fault(triangles, facts):
-    report = surface.survey(np.vstack([TETRAHEDRON[0], [[2.0, 2, 2], [0.5, 0, 0]]]), triangles)
+    report = surface.survey(np.vstack([CORNERS, [[2.0, 2, 2], [0.5, 0, 0]]]), triangles)
     assert {name: getattr(report, name) for name in facts} == facts
 
 

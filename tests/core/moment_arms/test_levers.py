@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vtkmuscle.core.moment_arms.levers import MotionTwists, differences_by
+from vtkmuscle.core.moment_arms.levers import MotionTwists, differences_by, twists_by
 from vtkmuscle.core.moment_arms.of_joints import joint_arms
-from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.core.motion.coordinates import Coordinate, carried_twists
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, rotation_about
 from vtkmuscle.core.paths.levers import path_levers
 from vtkmuscle.joints import grid_of
@@ -91,14 +91,24 @@ def test_slopes_of_lengths_are_the_levers():
     assert off[1:-1].max() > 1e-3  # they are two ways, not one
 
 
-def test_a_single_pose_has_levers_where_the_joint_is_known():
-    motion = hinge("shank", CENTRE, AXIS, [30.0], coordinate="knee")
+@pytest.mark.parametrize("angles", [[0.0, 40.0], [30.0]])
+def test_one_or_two_poses_have_levers_where_the_joint_is_known(angles):
+    motion = hinge("shank", CENTRE, AXIS, angles, coordinate="knee")
     lengths, levers, ends = straight(motion)
     found = joint_arms(lengths, levers, motion)[0]["knee"]
     np.testing.assert_allclose(found.arms, lever_about(ends, CENTRE, AXIS), atol=1e-12)
-    assert np.isnan(found.slopes).all()
-    with pytest.raises(ValueError, match="no coordinate of the motion changes"):
+    assert np.isnan(found.slopes).all()  # a line's slope is between its ends
+    with pytest.raises(ValueError, match=r"no coordinate of the motion changes|together"):
         joint_arms(lengths, levers | {"knee": np.full_like(lengths, np.nan)}, as_table(motion))
+
+
+def test_a_motion_of_all_bones_changes_no_lever():
+    own = as_table(hinge("shank", CENTRE, AXIS, ANGLES, coordinate="knee"))
+    common = np.array([rotation_about(STARTS[0], [0.2, 1.0, 0.3], 3.0 * angle) for angle in ANGLES])
+    both = replace(own, transforms={"thigh": common, "shank": common @ own.transforms["shank"]})
+    (_, alone), (_, found) = (twists_by(each, "knee") for each in (own, both))
+    expected = [carried_twists(*each) for each in zip(alone["shank"], common, strict=True)]
+    np.testing.assert_allclose(found["shank"] - found["thigh"], expected, atol=1e-9)
 
 
 def test_a_slide_has_the_part_of_the_pull_along_it():

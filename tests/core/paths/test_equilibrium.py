@@ -9,14 +9,7 @@ from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.paths.bone_contact import PUSH as BONE_PUSH
 from vtkmuscle.core.paths.bone_contact import BoneContacts, add_contacts
 from vtkmuscle.core.paths.equilibrium import add_neighbours, add_springs, newton_step, prepare_solve
-from vtkmuscle.core.paths.neighbours import (
-    MODULUS,
-    NEIGHBOURS,
-    RING,
-    SHEAR_MODULUS,
-    WIDTH,
-    neighbours_of,
-)
+from vtkmuscle.core.paths.neighbours import MODULUS, NEIGHBOURS, RING, SHEAR_MODULUS, WIDTH, neighbours_of
 from vtkmuscle.core.paths.ring_contact import add_rings, hold_in_rings, rings_at
 from vtkmuscle.core.paths.via_rings import via_ring
 

@@ -97,11 +97,14 @@ def twists_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) -> tupl
     if (twists := motion.coordinates[name].twists) is not None:
         return np.arange(len(motion.times)), dict(twists)
     differences = differences_by(motion, name, among)
-    result = {}
+    at, near, result = differences.frames, differences.neighbours, dict[str, Floats]()
+    first: Floats = np.eye(4)[None]  # of the first bone: a motion that all bones share has no lever
     for bone, table in motion.transforms.items():
-        steps = table[differences.neighbours] @ inverses(table[differences.frames])[:, None]
-        result[bone] = differences.of(screws(steps.reshape(-1, 4, 4)).reshape(-1, 2, 6))
-    return differences.frames, result
+        steps = (table[near] @ inverses(table[at])[:, None]).reshape(-1, 4, 4)
+        moves = differences.of(screws(inverses(first) @ steps).reshape(-1, 2, 6))
+        first = first if result else steps
+        result[bone] = moves + next(iter(result.values()), np.zeros(6))
+    return at, result
 
 
 class MotionTwists:

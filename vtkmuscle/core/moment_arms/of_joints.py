@@ -87,7 +87,7 @@ def joint_arms(
         if not any(motion.coordinates[other].changes for other in candidates if other != name):
             with suppress(ValueError):  # too few values for a quartic
                 quartic, residuals = quartic_moment_arms(curves[frames], q.natural[frames])
-        slopes = slopes_by(motion, name, candidates, curves)[frames]
+        slopes = slopes_by(motion, name, candidates, curves, 2)[frames]
         of_mean = np.broadcast_to(np.asarray(ratios, dtype=np.float64), len(curves))[frames]
         bow = (bows or {}).get(name, np.zeros(len(curves)))[frames]
         by_frame = frames, q.values[frames], of_mean, bow, lever[frames], slopes
@@ -105,15 +105,16 @@ def joint_arms(
     return arms, refused
 
 
-def slopes_by(motion: RigidMotion, name: str, among: Sequence[str], lengths: Floats) -> Floats:
+def slopes_by(motion: RigidMotion, name: str, among: Sequence[str], lengths: Floats, least: int) -> Floats:
     """Return -dl/dq (f, k) of lengths, by differences between poses.
 
-    NaN in frames without poses that differ in the coordinate alone. Parameters as for
-    :func:`~vtkmuscle.core.moment_arms.levers.differences_by`.
+    NaN in frames with fewer than ``least`` neighbours, 1 or 2, that differ in the coordinate alone. Further
+    parameters as for :func:`~vtkmuscle.core.moment_arms.levers.differences_by`.
     """
     differences = differences_by(motion, name, among)
+    enough = np.count_nonzero(differences.weights, axis=1) >= least
     slopes = np.full(lengths.shape, np.nan)
-    slopes[differences.frames] = -differences.slopes(lengths)
+    slopes[differences.frames[enough]] = -differences.slopes(lengths)[enough]
     return slopes
 
 
@@ -161,9 +162,9 @@ class JointArms:
         Levers of the paths; positive if a pull increases the coordinate. In the unit of lengths for an angle,
         without unit for a translation.
     slopes : (m, k) array
-        -dl/dq of the paths' lengths, by differences between frames that differ in this coordinate alone; NaN
-        without such frames. Slopes differ from arms by the error of a parabola between frames, and by errors
-        of paths: jumps, or paths not at rest.
+        -dl/dq of the paths' lengths, by parabolas through frames that differ in this coordinate alone; NaN
+        without three such frames. Slopes differ from arms by the error of a parabola between frames, and by
+        errors of paths: jumps, or paths not at rest.
     quartic : (m, k) array or None
         Moment arms by a polynomial of degree 4 fitted to each path's lengths; None if other coordinates
         change, or for too few values.

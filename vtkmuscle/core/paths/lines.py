@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.harmonic import harmonic_field
 from vtkmuscle.core.mesh.polylines import smooth_polylines
 from vtkmuscle.core.mesh.surface import MeshTopology
@@ -85,7 +86,7 @@ def lines_on_surface(points: Floats, topology: MeshTopology, fixed_to: Ints) -> 
     bone of each point, -1 for free points.
 
     Returns the points (p, 3) of all lines, line after line [mm], and the first point of each, and p, (f +
-    1,); None where fewer than two bones have fixed points, or no line leads from bone to bone.
+    1,); None where fewer than two bones have fixed points. ValueError if no line leads from bone to bone.
     """
     field = harmonic_field(points, topology.triangles, fixed_to)
     if field is None:
@@ -95,12 +96,9 @@ def lines_on_surface(points: Floats, topology: MeshTopology, fixed_to: Ints) -> 
     # Of points on one line each would give it again.
     seeds = free[:: max(1, len(free) // STAND_INS)]
     chains = {(*reversed(_walk(seed, down)), *_walk(seed, up)[1:]): None for seed in seeds}
-    whole = (
-        chain for chain in chains if len(chain) > 2 and fixed_to[chain[0]] >= 0 and fixed_to[chain[-1]] >= 0
-    )
-    lines = [points[list(chain)] for chain in whole]
+    lines = [points[list(c)] for c in chains if len(c) > 2 and fixed_to[[c[0], c[-1]]].min() >= 0]
     if not lines:
-        return None
+        raise InputError("", "no line over the surface leads from bone to bone", "connect fibres")
     offsets = np.cumsum([0, *map(len, lines)])
     return smooth_polylines(np.concatenate(lines), offsets, 2.0, _PASSES), offsets
 
