@@ -205,9 +205,10 @@ def _measured(result: Result, limit: Result | None, name: str) -> dict[str, Any]
     row |= dict.fromkeys(ERRORS, np.nan)
     arms = result.all_arms.get(name, {})
     off = [
-        joint.mean[inside] - np.interp(joint.angles[inside], curve.angles, _middle(curve))
+        joint.mean[inside] - np.interp(joint.angles[inside], curve.angles, middle)
         for coordinate, joint in arms.items()
         for curve in drawn(curves_for(result.literature.get(name, ()), coordinate=coordinate))
+        for middle in (curve.arms if curve.upper is None else 0.5 * (curve.arms + curve.upper),)
         if (inside := (joint.angles >= curve.angles[0]) & (joint.angles <= curve.angles[-1])).any()
     ]
     row["published_rms_mm"] = _rms(off)
@@ -229,10 +230,6 @@ def _measured(result: Result, limit: Result | None, name: str) -> dict[str, Any]
         off = [np.linalg.norm(points - finest_points, axis=1) for points, finest_points in pairs]
         row["surface_rms_mm"] = MILLIMETRES[result.units] * _rms(off)
     return row
-
-
-def _middle(curve: Any) -> Any:
-    return curve.arms if curve.upper is None else 0.5 * (curve.arms + curve.upper)
 
 
 def _rms(parts: Sequence[Any]) -> float:

@@ -2,8 +2,8 @@
 
 doi:10.1007/978-3-030-72379-8_24. The solver runs the algorithm as printed or made stable. As printed, free
 points go on with their velocities while fixed points jump with their bones: the step is left to the edges
-between. By default free points go with the bones' motions of the step, blended by harmonic weights, and have
-no velocities; angles have a sign, and volume and bones come last.
+between. By default free points go with the bones, straight between these or wound round them, and have no
+velocities; angles have a sign, and volume and bones come last.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vtkmuscle.core.jit import LANES
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.rest_shape import RestShape, Volume, project_volume
 from vtkmuscle.core.mesh.triangle_tree import Near
-from vtkmuscle.core.motion.blending import blend_motions, screws_between
+from vtkmuscle.core.motion.blending import blend_motions, nearest_rotations, screws_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverses
 from vtkmuscle.core.pbd import sweep
 from vtkmuscle.core.pbd.voxels import VoxelContact
@@ -49,8 +49,8 @@ class Parameters:
     iterations : int
         Projections of all constraints per step, >= 1.
     prediction : str
-        Start of free points in a step: ``"bones"``, where the blended motions of the bones take the points,
-        without velocities; or ``"velocity"``, where the points' velocities do (lines 11 to 13).
+        Start of free points in a step: ``"bones"``, where the bones take the points, straight or wound round
+        bones, without velocities; or ``"velocity"``, where the points' velocities do (lines 11 to 13).
     signed_angles : bool
         Whether angles tell a ridge from a groove, and move corners by the turn's chord (eq. 1: the turn).
     order : str
@@ -170,7 +170,7 @@ class PBDSolver:
         free = fixed_to < 0
         self._mass: Floats = free.astype(np.float64)
         self._fixed = [(int(bone), np.flatnonzero(fixed_to == bone)) for bone in np.unique(fixed_to[~free])]
-        self._weights = harmonic_weights(points, muscle.triangles, fixed_to)[1] if self._fixed else None
+        self._weights = harmonic_weights(self.rest, muscle.triangles, fixed_to) if self._fixed else None
         self._contact: VoxelContact | BoneContact = BoneContact(bones, points, free, clearance)
         if voxels is not None:
             push = parameters.bone_push == "transform"
@@ -198,9 +198,8 @@ class PBDSolver:
 
     def at_rest(self, n_bones: int) -> State:
         """Return the muscle and all bones at rest."""
-        transforms = np.tile(np.eye(4), (n_bones, 1, 1))
         velocities = np.zeros_like(self.rest) if self.parameters.prediction == "velocity" else None
-        return State(self.rest + self.centre, transforms, 0, self.rest, velocities)
+        return State(self.rest + self.centre, np.tile(np.eye(4), (n_bones, 1, 1)), 0, self.rest, velocities)
 
     def step(self, state: State, transforms: Floats, near: Near = (), report: Progress = quiet) -> State:
         """Return the state after the bones have moved on.
@@ -217,14 +216,9 @@ class PBDSolver:
         motions = centred(screws_between(np.eye(4), motions, 1.0 / parts), self.centre)
         for part in range(1, parts + 1):
             now = screws_between(state.transforms, transforms, part / parts)
-            carried = x if self._weights is None else blend_motions(motions, self._weights, x)
-            p = self._with_fixed_points(carried, now)
-
-            def part_done(done: float, part: int = part) -> None:
-                report((part - 1 + done) / parts)
-
             keep_out = self._keep_out(now, before, x, near)
-            held = self._iterate(p, self.rows.constants, keep_out, part_done)
+            p = self._with_fixed_points(self._start(x, motions, before, now, keep_out), now)
+            held = self._iterate(p, self.rows.constants, keep_out, report, part, parts)
             before, x = now, p[:-1]
         if self.parameters.finish:
             held = self._exact.finish(x, keep_out)
@@ -251,8 +245,7 @@ class PBDSolver:
         settings, x, v, dt = self.parameters, state.positions, state.velocities, self.parameters.dt
         assert v is not None  # the state is of this kind
         with np.errstate(over="ignore", invalid="ignore"):  # _state reports it
-            force = np.asarray(settings.external_force, dtype=np.float64)
-            start = x + dt * (settings.velocity_kept * (v + dt * force))
+            start = x + dt * (settings.velocity_kept * (v + dt * np.asarray(settings.external_force)))
             p = self._with_fixed_points(start, transforms)
             keep_out = self._keep_out(transforms, state.transforms, x, near)
             held = self._iterate(p, self.rows.constants, keep_out, report)
@@ -263,7 +256,30 @@ class PBDSolver:
             velocities[held] = 0.0
         return self._state(p[:-1], transforms, held, velocities)
 
-    def _iterate(self, p: Floats, constants: Floats, keep_out: KeepOut, progress: Progress) -> Bools:
+    def _start(self, x: Floats, motions: Floats, before: Floats, now: Floats, keep_out: KeepOut) -> Floats:
+        """Return points (n, 3) as the bones' motions between two poses move them.
+
+        A straight muscle turns as a whole about the points' harmonic places among the fixed points, which go
+        with the bones. A wound muscle goes with the motions, blended by harmonic weights. The start is that
+        part from straight to wound that obstacles push straight points, of the most that both are apart.
+        """
+        if self._weights is None:
+            return x
+        bones, weights, places = self._weights
+        old, new = (places @ np.hstack(list(centred(at, self.centre)[bones, :3])).T for at in (before, now))
+        turned = new + blend_motions(motions * [1.0, 1.0, 1.0, 0.0], weights, x - old)
+        turn = nearest_rotations((turned.T @ (x - x.mean(axis=0)))[None])[0]
+        straight: Floats = new + (x - old) @ turn.T
+        pushes = straight.copy()
+        if keep_out(pushes).any():
+            pushes, apart = pushes - straight, blend_motions(motions, weights, x) - straight
+            push, most = (math.sqrt(np.einsum("ij,ij->i", way, way).max()) for way in (pushes, apart))
+            straight += (push / most if push < most else 1.0) * apart
+        return straight
+
+    def _iterate(
+        self, p: Floats, constants: Floats, keep_out: KeepOut, report: Progress, part: int = 1, parts: int = 1
+    ) -> Bools:
         """Project all constraints of points (n + 1, 3) in place; return the points that met an obstacle."""
         settings, met = self.parameters, np.zeros(len(p) - 1, dtype=np.bool_)
         rows, signed, buffer = (self.rows.points, constants), settings.signed_angles, self._buffer
@@ -274,7 +290,7 @@ class PBDSolver:
             if not by_edge:
                 sweep.project_edges(p, *rows, False, True, signed, buffer)
             met |= keep_out(p[:-1])
-            progress((iteration + 1) / settings.iterations)
+            report((part - 1 + (iteration + 1) / settings.iterations) / parts)
         return met
 
     def _with_fixed_points(self, points: Floats, transforms: Floats) -> Floats:
