@@ -1,9 +1,8 @@
 """Algorithm 2 of Kohout and Cervenka 2021, made stable.
 
-doi:10.1007/978-3-030-72379-8_24. The solver runs the algorithm as printed or made stable. As printed, free
-points go on with their velocities while fixed points jump with their bones: the step is left to the edges
-between. By default free points go with the bones, straight between these or wound round them, and have no
-velocities; angles have a sign, and volume and bones come last.
+doi:10.1007/978-3-030-72379-8_24. As printed, free points go on with their velocities while fixed points jump
+with their bones: the step is left to the edges between. By default free points go with the bones, straight or
+wound round them, and have no velocities; angles have a sign, and volume and bones come last.
 """
 
 from __future__ import annotations
@@ -30,8 +29,7 @@ from vtkmuscle.core.pbd.voxels import VoxelContact
 from vtkmuscle.core.types import Bools, Floats, Progress, quiet
 
 #: Two bones of a muscle turn against each other by at most this in a step without velocities [degrees];
-#: larger steps are parted. The most folded edges of 576 cases, an iliacus of 3 000 triangles solved with one
-#: iteration, are 17 with 4 degrees, 12 with 3, 11 with 2 (bench_pbd.py stability; bound 12).
+#: larger steps are parted. Measured with bench_pbd.py stability.
 LARGEST_TURN = 3.0
 #: Moves positions out of obstacles, and returns the moved points.
 KeepOut = Callable[[Floats], Bools]
@@ -137,8 +135,7 @@ class State:
 class PBDSolver:
     """Deforms a muscle with the bones of its attachments.
 
-    The method is position based dynamics. The solver holds the constant data. :meth:`step` takes a state and
-    gives the next, so that states can be kept and gone back to.
+    The solver holds the constant data. :meth:`step` takes a state and gives the next: states can be kept.
 
     muscle : FixedMuscle, the muscle;
     parameters : Parameters, settings of the method;
@@ -175,7 +172,6 @@ class PBDSolver:
         if voxels is not None:
             push = parameters.bone_push == "transform"
             self._contact = VoxelContact(bones, free, n_max=voxels[0], n_equal=voxels[1], bone_push=push)
-
         edges = topology.edges
         stiffness = np.full(len(edges), parameters.stiffness)
         if directions is not None and parameters.anisotropy != "off":
@@ -211,13 +207,11 @@ class PBDSolver:
         if state.velocities is not None:
             return self._with_velocities(state, transforms, near, report)
         before, x, bones = state.transforms, state.positions, [bone for bone, _ in self._fixed]
-        motions = transforms[bones] @ inverses(before[bones])
-        parts = _parts(motions)
-        motions = centred(screws_between(np.eye(4), motions, 1.0 / parts), self.centre)
+        parts = _parts(transforms[bones] @ inverses(before[bones]))
         for part in range(1, parts + 1):
             now = screws_between(state.transforms, transforms, part / parts)
             keep_out = self._keep_out(now, before, x, near)
-            p = self._with_fixed_points(self._start(x, motions, before, now, keep_out), now)
+            p = self._with_fixed_points(self._start(x, before, now, keep_out), now)
             held = self._iterate(p, self.rows.constants, keep_out, report, part, parts)
             before, x = now, p[:-1]
         if self.parameters.finish:
@@ -252,30 +246,39 @@ class PBDSolver:
             if settings.finish:
                 held |= self._exact.finish(p[:-1], keep_out)
             velocities = (p[:-1] - x) / dt
-        if settings.contact_velocity == "zero":
-            velocities[held] = 0.0
+        velocities[held & (settings.contact_velocity == "zero")] = 0.0
         return self._state(p[:-1], transforms, held, velocities)
 
-    def _start(self, x: Floats, motions: Floats, before: Floats, now: Floats, keep_out: KeepOut) -> Floats:
-        """Return points (n, 3) as the bones' motions between two poses move them.
+    def _start(self, x: Floats, before: Floats, now: Floats, keep_out: KeepOut) -> Floats:
+        """Return points (n, 3) as the bones move them between two poses.
 
-        A straight muscle turns as a whole about the points' harmonic places among the fixed points, which go
-        with the bones. A wound muscle goes with the motions, blended by harmonic weights. The start is that
-        part from straight to wound that obstacles push straight points, of the most that both are apart.
+        The start is the greater part of the way from straight to wound: as obstacles push a straight muscle,
+        of the most that both are apart; or nearest to a muscle gone straight from rest, which unwinds.
         """
         if self._weights is None:
             return x
+        (straight, wound), at_rest = self._ways(x, before, now), np.tile(np.eye(4), (len(now), 1, 1))
+        apart, loose = wound - straight, self._ways(self.rest, at_rest, now)[0] - straight
+        kept, tiny = straight.copy(), np.finfo(float).tiny
+        keep_out(kept)
+        push, most = (float(np.linalg.norm(way, axis=1).max()) for way in (kept - straight, apart))
+        part = max(push / (most + tiny), float(np.vdot(loose, apart) / (np.vdot(apart, apart) + tiny)))
+        return straight + min(part, 1.0) * apart
+
+    def _ways(self, x: Floats, before: Floats, now: Floats) -> tuple[Floats, Floats]:
+        """Return points as they go straight and wound with the bones between two poses.
+
+        Straight, the points' harmonic places among the fixed points go with these, and points turn about them
+        as a whole. Wound, points go with the bones' motions, blended by harmonic weights.
+        """
+        assert self._weights is not None
         bones, weights, places = self._weights
-        old, new = (places @ np.hstack(list(centred(at, self.centre)[bones, :3])).T for at in (before, now))
+        before, now = (centred(pose, self.centre)[bones] for pose in (before, now))
+        old, new = (places @ np.hstack(list(pose[:, :3])).T for pose in (before, now))
+        motions = now @ inverses(before)
         turned = new + blend_motions(motions * [1.0, 1.0, 1.0, 0.0], weights, x - old)
         turn = nearest_rotations((turned.T @ (x - x.mean(axis=0)))[None])[0]
-        straight: Floats = new + (x - old) @ turn.T
-        pushes = straight.copy()
-        if keep_out(pushes).any():
-            pushes, apart = pushes - straight, blend_motions(motions, weights, x) - straight
-            push, most = (math.sqrt(np.einsum("ij,ij->i", way, way).max()) for way in (pushes, apart))
-            straight += (push / most if push < most else 1.0) * apart
-        return straight
+        return new + (x - old) @ turn.T, blend_motions(motions, weights, x)
 
     def _iterate(
         self, p: Floats, constants: Floats, keep_out: KeepOut, report: Progress, part: int = 1, parts: int = 1
@@ -295,8 +298,7 @@ class PBDSolver:
 
     def _with_fixed_points(self, points: Floats, transforms: Floats) -> Floats:
         """Return points with the fixed points on their bones, and one more: (n + 1, 3)."""
-        p = np.zeros((len(points) + 1, 3))
-        p[:-1] = points
+        p = np.vstack([points, np.zeros(3)])
         now = centred(transforms, self.centre)
         for bone, fixed in self._fixed:
             p[fixed] = apply_transform(now[bone], self.rest[fixed])

@@ -1,7 +1,6 @@
-"""Bones as voxels, and the collision response.
+"""Bones as voxels (outside, boundary or inside), and the collision response.
 
-Voxels are outside, boundary or inside. Kohout, Cervenka 2021, *Muscle Deformation Using Position Based
-Dynamics*, section 3.2, doi:10.1007/978-3-030-72379-8_24.
+Kohout and Cervenka 2021, section 3.2, doi:10.1007/978-3-030-72379-8_24.
 """
 
 from __future__ import annotations
