@@ -67,7 +67,7 @@ def harmonic_extension(points: Floats, triangles: Ints, fixed: Ints, values: Flo
 
 
 def harmonic_weights(points: Floats, triangles: Ints, fixed_to: Ints) -> tuple[Ints, Floats, Floats]:
-    """Return the bones (b,), their weights (n, b), and the places of the points among them (n, 4 b).
+    """Return bones (b,), weights (n, b), and places among fixed points (n, 4 b).
 
     The weight of a bone is 1 at its fixed points, 0 at points fixed to further bones, harmonic between; rows
     sum to 1. Bones ascend. ``fixed_to`` (n,) is the index of each point's bone, -1 for free points; at least

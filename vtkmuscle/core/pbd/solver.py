@@ -250,7 +250,7 @@ class PBDSolver:
         return self._state(p[:-1], transforms, held, velocities)
 
     def _start(self, x: Floats, before: Floats, now: Floats, keep_out: KeepOut) -> Floats:
-        """Return points (n, 3) as the bones move them between two poses.
+        """Return points (n, 3) moved with the bones.
 
         The start is the greater part of the way from straight to wound: as obstacles push a straight muscle,
         of the most that both are apart; or nearest to a muscle gone straight from rest, which unwinds.
@@ -266,7 +266,7 @@ class PBDSolver:
         return straight + min(part, 1.0) * apart
 
     def _ways(self, x: Floats, before: Floats, now: Floats) -> tuple[Floats, Floats]:
-        """Return points as they go straight and wound with the bones between two poses.
+        """Return points moved straight, and wound.
 
         Straight, the points' harmonic places among the fixed points go with these, and points turn about them
         as a whole. Wound, points go with the bones' motions, blended by harmonic weights.

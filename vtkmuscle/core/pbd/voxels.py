@@ -1,4 +1,4 @@
-"""Bones as voxels (outside, boundary or inside), and the collision response.
+"""Bones as voxels, and the collision response.
 
 Kohout and Cervenka 2021, section 3.2, doi:10.1007/978-3-030-72379-8_24.
 """
