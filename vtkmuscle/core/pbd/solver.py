@@ -262,7 +262,7 @@ class PBDSolver:
         kept, tiny = straight.copy(), np.finfo(float).tiny
         keep_out(kept)
         push, most = (float(np.linalg.norm(way, axis=1).max()) for way in (kept - straight, apart))
-        part = max(push / (most + tiny), float(np.vdot(loose, apart) / (np.vdot(apart, apart) + tiny)))
+        part = max(push / (most + tiny), float((loose * apart).sum() / ((apart * apart).sum() + tiny)))
         return straight + min(part, 1.0) * apart
 
     def _ways(self, x: Floats, before: Floats, now: Floats) -> tuple[Floats, Floats]:
@@ -274,11 +274,11 @@ class PBDSolver:
         assert self._weights is not None
         bones, weights, places = self._weights
         before, now = (centred(pose, self.centre)[bones] for pose in (before, now))
-        old, new = (places @ np.hstack(list(pose[:, :3])).T for pose in (before, now))
+        old, new = (np.einsum("ij,kj->ik", places, np.hstack(list(pose[:, :3]))) for pose in (before, now))
         motions = now @ inverses(before)
         turned = new + blend_motions(motions * [1.0, 1.0, 1.0, 0.0], weights, x - old)
-        turn = nearest_rotations((turned.T @ (x - x.mean(axis=0)))[None])[0]
-        return new + (x - old) @ turn.T, blend_motions(motions, weights, x)
+        turn = nearest_rotations(np.einsum("ij,ik->jk", turned, x - x.mean(axis=0))[None])[0]
+        return new + np.einsum("ij,kj->ik", x - old, turn), blend_motions(motions, weights, x)
 
     def _iterate(
         self, p: Floats, constants: Floats, keep_out: KeepOut, report: Progress, part: int = 1, parts: int = 1
