@@ -28,10 +28,10 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
 
     Edge lengths, angles between triangles and the volume are constraints, projected in turn in each
     iteration; edges along the fibres are soft, and points stay out of the bones (Kohout and Cervenka 2021).
-    Fixed points follow their bone. A frame starts from the bones' motions since the last frame, blended by
-    harmonic weights, and ends with the exact volume; ``quality="published"`` is the algorithm as printed. A
-    surface of more than ``solved_triangles`` is solved on two levels: a decimated surface moves the fine
-    surface, which takes a few further iterations.
+    Fixed points follow their bone. A frame starts where the bones' motions since the last frame take the
+    muscle, straight or round bones, and ends with the exact volume; ``quality="published"`` is the algorithm
+    as printed. A surface of more than ``solved_triangles`` is solved on two levels: a decimated surface moves
+    the fine surface, which takes a few further iterations.
 
     A frame depends on all announced time steps before. Stored frames take 24 to 96 bytes per point and 128
     per bone; beyond ``checkpoint_memory`` every second frame is dropped. With a ``start`` a frame depends on

@@ -50,9 +50,4 @@ def test_harmonic_directions_run_along_the_muscle():
     stiffness = edge_stiffness(points, topology.edges, directions)
     around = np.ptp(points[topology.edges][:, :, 2], axis=1) == 0
     assert stiffness[free & around].min() > 0.9
-
-
-def test_one_bone_has_no_direction():
-    points, triangles, fixed_to = spindle()
-    topology = mesh_topology(len(points), triangles)
-    assert harmonic_directions(points, topology, np.where(fixed_to == 1, -1, fixed_to)) is None
+    assert harmonic_directions(points, topology, np.where(fixed_to == 1, -1, fixed_to)) is None  # one bone

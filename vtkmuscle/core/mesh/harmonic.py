@@ -64,17 +64,21 @@ def harmonic_extension(points: Floats, triangles: Ints, fixed: Ints, values: Flo
     return np.clip(result, values.min(axis=0), values.max(axis=0))
 
 
-def harmonic_weights(points: Floats, triangles: Ints, fixed_to: Ints) -> tuple[Ints, Floats]:
-    """Return the bones (b,) and their weights (n, b).
+def harmonic_weights(points: Floats, triangles: Ints, fixed_to: Ints) -> tuple[Ints, Floats, Floats]:
+    """Return bones (b,), weights (n, b), and places among fixed points (n, 4 b).
 
     The weight of a bone is 1 at its fixed points, 0 at points fixed to further bones, harmonic between; rows
     sum to 1. Bones ascend. ``fixed_to`` (n,) is the index of each point's bone, -1 for free points; at least
-    one point is fixed.
+    one point is fixed. A place has the homogeneous coordinates of the bone's fixed points instead of 1:
+    places that move with their bones sum to the fixed points, spread harmonically.
     """
     fixed = np.flatnonzero(fixed_to >= 0)
     bones, column = np.unique(fixed_to[fixed], return_inverse=True)
-    weights = harmonic_extension(points, triangles, fixed, np.eye(len(bones))[column.reshape(-1)])
-    return bones.astype(np.int64), weights / weights.sum(axis=1, keepdims=True)
+    values = np.zeros((len(fixed), len(bones), 4))
+    values[np.arange(len(fixed)), column.reshape(-1)] = np.insert(points[fixed], 3, 1.0, axis=1)
+    places = harmonic_extension(points, triangles, fixed, values.reshape(len(fixed), -1))
+    places /= places[:, 3::4].sum(axis=1, keepdims=True)
+    return bones.astype(np.int64), np.ascontiguousarray(places[:, 3::4]), places
 
 
 def harmonic_field(points: Floats, triangles: Ints, fixed_to: Ints) -> Floats | None:

@@ -34,8 +34,7 @@ def coarse_fixed_points(fine: Floats, fixed_to: Ints, coarse: Floats) -> Ints:
     result: Ints = fixed_to[cKDTree(fine).query(coarse)[1]]
     for bone in np.unique(fixed_to[fixed_to >= 0]):
         if bone not in result:
-            middle = fine[fixed_to == bone].mean(axis=0)
-            result[np.linalg.norm(coarse - middle, axis=1).argmin()] = bone
+            result[np.linalg.norm(coarse - fine[fixed_to == bone].mean(axis=0), axis=1).argmin()] = bone
     return result
 
 
@@ -68,11 +67,10 @@ class TwoLevels:
         self._rings = rings.indptr, rings.indices, arms
         self._fixed = np.flatnonzero(fixed_to >= 0)
         self._fixed_to = fixed_to[self._fixed]
-        edge = float(solver.shape.lengths.mean())
         nearest, near = np.zeros(len(rest), dtype=np.int64), np.zeros(len(rest))
         if len(self._fixed):
             away, nearest = cKDTree(rest[self._fixed]).query(rest)
-            near = np.exp(-0.5 * (away / edge) ** 2)
+            near = np.exp(-0.5 * (away / solver.shape.lengths.mean()) ** 2)
         #: Points that fixed points take along, with the nearest of these and the part.
         self._along = np.flatnonzero(near > np.finfo(float).eps)
         self._nearest, self._near = nearest[self._along], near[self._along]
@@ -112,31 +110,22 @@ class TwoLevels:
 def _products(starts: Ints, ends: Ints, arms: Floats, points: Floats, products: Floats) -> None:
     """Write the products of ways and arms. Products (c, 3, 3), points (c, 3), arms (k, 3) at rest."""
     for p in range(len(points)):
-        a = b = c = d = e = f = g = h = i = 0.0
-        for k in range(starts[p], starts[p + 1]):
-            o, u, v, w = ends[k], arms[k, 0], arms[k, 1], arms[k, 2]
-            x, y, z = points[o, 0] - points[p, 0], points[o, 1] - points[p, 1], points[o, 2] - points[p, 2]
-            a, b, c = a + x * u, b + x * v, c + x * w
-            d, e, f = d + y * u, e + y * v, f + y * w
-            g, h, i = g + z * u, h + z * v, i + z * w
-        m = products[p]
-        m[0, 0], m[0, 1], m[0, 2] = a, b, c
-        m[1, 0], m[1, 1], m[1, 2] = d, e, f
-        m[2, 0], m[2, 1], m[2, 2] = g, h, i
+        for i in range(3):
+            a = b = c = 0.0
+            for k in range(starts[p], starts[p + 1]):
+                way = points[ends[k], i] - points[p, i]
+                a, b, c = a + way * arms[k, 0], b + way * arms[k, 1], c + way * arms[k, 2]
+            products[p, i, 0], products[p, i, 1], products[p, i, 2] = a, b, c
 
 
 @vector_kernel
 def _carry(motions: Floats, carriers: Ints, parts: Floats, rest: Floats, carried: Floats) -> None:
     """Write points moved by their carriers. Points (n, 3), motions (c, 12), a turn and a shift."""
     for i in range(len(rest)):
-        a = b = c = d = e = f = g = h = j = u = v = w = 0.0
+        x, y, z = rest[i, 0], rest[i, 1], rest[i, 2]
+        carried[i] = 0.0
         for k in range(carriers.shape[1]):
             part, m = parts[i, k], motions[carriers[i, k]]
-            a, b, c = a + part * m[0], b + part * m[1], c + part * m[2]
-            d, e, f = d + part * m[3], e + part * m[4], f + part * m[5]
-            g, h, j = g + part * m[6], h + part * m[7], j + part * m[8]
-            u, v, w = u + part * m[9], v + part * m[10], w + part * m[11]
-        x, y, z = rest[i, 0], rest[i, 1], rest[i, 2]
-        carried[i, 0] = a * x + b * y + c * z + u
-        carried[i, 1] = d * x + e * y + f * z + v
-        carried[i, 2] = g * x + h * y + j * z + w
+            for axis in range(3):
+                row = 3 * axis
+                carried[i, axis] += part * (m[row] * x + m[row + 1] * y + m[row + 2] * z + m[9 + axis])

@@ -1,9 +1,8 @@
 """Algorithm 2 of Kohout and Cervenka 2021, made stable.
 
-doi:10.1007/978-3-030-72379-8_24. The solver runs the algorithm as printed or made stable. As printed, free
-points go on with their velocities while fixed points jump with their bones: the step is left to the edges
-between. By default free points go with the bones' motions of the step, blended by harmonic weights, and have
-no velocities; angles have a sign, and volume and bones come last.
+doi:10.1007/978-3-030-72379-8_24. As printed, free points go on with their velocities while fixed points jump
+with their bones: the step is left to the edges between. By default free points go with the bones, straight or
+wound round them, and have no velocities; angles have a sign, and volume and bones come last.
 """
 
 from __future__ import annotations
@@ -23,15 +22,14 @@ from vtkmuscle.core.jit import LANES
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.rest_shape import RestShape, Volume, project_volume
 from vtkmuscle.core.mesh.triangle_tree import Near
-from vtkmuscle.core.motion.blending import blend_motions, screws_between
+from vtkmuscle.core.motion.blending import blend_motions, nearest_rotations, screws_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverses
 from vtkmuscle.core.pbd import sweep
 from vtkmuscle.core.pbd.voxels import VoxelContact
 from vtkmuscle.core.types import Bools, Floats, Progress, quiet
 
 #: Two bones of a muscle turn against each other by at most this in a step without velocities [degrees];
-#: larger steps are parted. The most folded edges of 576 cases, an iliacus of 3 000 triangles solved with one
-#: iteration, are 17 with 4 degrees, 12 with 3, 11 with 2 (bench_pbd.py stability; bound 12).
+#: larger steps are parted. Measured with bench_pbd.py stability.
 LARGEST_TURN = 3.0
 #: Moves positions out of obstacles, and returns the moved points.
 KeepOut = Callable[[Floats], Bools]
@@ -49,8 +47,8 @@ class Parameters:
     iterations : int
         Projections of all constraints per step, >= 1.
     prediction : str
-        Start of free points in a step: ``"bones"``, where the blended motions of the bones take the points,
-        without velocities; or ``"velocity"``, where the points' velocities do (lines 11 to 13).
+        Start of free points in a step: ``"bones"``, where the bones take the points, straight or wound round
+        bones, without velocities; or ``"velocity"``, where the points' velocities do (lines 11 to 13).
     signed_angles : bool
         Whether angles tell a ridge from a groove, and move corners by the turn's chord (eq. 1: the turn).
     order : str
@@ -137,8 +135,7 @@ class State:
 class PBDSolver:
     """Deforms a muscle with the bones of its attachments.
 
-    The method is position based dynamics. The solver holds the constant data. :meth:`step` takes a state and
-    gives the next, so that states can be kept and gone back to.
+    The solver holds the constant data. :meth:`step` takes a state and gives the next: states can be kept.
 
     muscle : FixedMuscle, the muscle;
     parameters : Parameters, settings of the method;
@@ -170,12 +167,11 @@ class PBDSolver:
         free = fixed_to < 0
         self._mass: Floats = free.astype(np.float64)
         self._fixed = [(int(bone), np.flatnonzero(fixed_to == bone)) for bone in np.unique(fixed_to[~free])]
-        self._weights = harmonic_weights(points, muscle.triangles, fixed_to)[1] if self._fixed else None
+        self._weights = harmonic_weights(self.rest, muscle.triangles, fixed_to) if self._fixed else None
         self._contact: VoxelContact | BoneContact = BoneContact(bones, points, free, clearance)
         if voxels is not None:
             push = parameters.bone_push == "transform"
             self._contact = VoxelContact(bones, free, n_max=voxels[0], n_equal=voxels[1], bone_push=push)
-
         edges = topology.edges
         stiffness = np.full(len(edges), parameters.stiffness)
         if directions is not None and parameters.anisotropy != "off":
@@ -198,9 +194,8 @@ class PBDSolver:
 
     def at_rest(self, n_bones: int) -> State:
         """Return the muscle and all bones at rest."""
-        transforms = np.tile(np.eye(4), (n_bones, 1, 1))
         velocities = np.zeros_like(self.rest) if self.parameters.prediction == "velocity" else None
-        return State(self.rest + self.centre, transforms, 0, self.rest, velocities)
+        return State(self.rest + self.centre, np.tile(np.eye(4), (n_bones, 1, 1)), 0, self.rest, velocities)
 
     def step(self, state: State, transforms: Floats, near: Near = (), report: Progress = quiet) -> State:
         """Return the state after the bones have moved on.
@@ -212,19 +207,12 @@ class PBDSolver:
         if state.velocities is not None:
             return self._with_velocities(state, transforms, near, report)
         before, x, bones = state.transforms, state.positions, [bone for bone, _ in self._fixed]
-        motions = transforms[bones] @ inverses(before[bones])
-        parts = _parts(motions)
-        motions = centred(screws_between(np.eye(4), motions, 1.0 / parts), self.centre)
+        parts = _parts(transforms[bones] @ inverses(before[bones]))
         for part in range(1, parts + 1):
             now = screws_between(state.transforms, transforms, part / parts)
-            carried = x if self._weights is None else blend_motions(motions, self._weights, x)
-            p = self._with_fixed_points(carried, now)
-
-            def part_done(done: float, part: int = part) -> None:
-                report((part - 1 + done) / parts)
-
             keep_out = self._keep_out(now, before, x, near)
-            held = self._iterate(p, self.rows.constants, keep_out, part_done)
+            p = self._with_fixed_points(self._start(x, before, now, keep_out), now)
+            held = self._iterate(p, self.rows.constants, keep_out, report, part, parts)
             before, x = now, p[:-1]
         if self.parameters.finish:
             held = self._exact.finish(x, keep_out)
@@ -251,19 +239,50 @@ class PBDSolver:
         settings, x, v, dt = self.parameters, state.positions, state.velocities, self.parameters.dt
         assert v is not None  # the state is of this kind
         with np.errstate(over="ignore", invalid="ignore"):  # _state reports it
-            force = np.asarray(settings.external_force, dtype=np.float64)
-            start = x + dt * (settings.velocity_kept * (v + dt * force))
+            start = x + dt * (settings.velocity_kept * (v + dt * np.asarray(settings.external_force)))
             p = self._with_fixed_points(start, transforms)
             keep_out = self._keep_out(transforms, state.transforms, x, near)
             held = self._iterate(p, self.rows.constants, keep_out, report)
             if settings.finish:
                 held |= self._exact.finish(p[:-1], keep_out)
             velocities = (p[:-1] - x) / dt
-        if settings.contact_velocity == "zero":
-            velocities[held] = 0.0
+        velocities[held & (settings.contact_velocity == "zero")] = 0.0
         return self._state(p[:-1], transforms, held, velocities)
 
-    def _iterate(self, p: Floats, constants: Floats, keep_out: KeepOut, progress: Progress) -> Bools:
+    def _start(self, x: Floats, before: Floats, now: Floats, keep_out: KeepOut) -> Floats:
+        """Return points (n, 3) moved with the bones.
+
+        The start is the greater part of the way from straight to wound: as obstacles push a straight muscle,
+        of the most that both are apart; or nearest to a muscle gone straight from rest, which unwinds.
+        """
+        if self._weights is None:
+            return x
+        (straight, wound), at_rest = self._ways(x, before, now), np.tile(np.eye(4), (len(now), 1, 1))
+        apart, loose = wound - straight, self._ways(self.rest, at_rest, now)[0] - straight
+        kept, tiny = straight.copy(), np.finfo(float).tiny
+        keep_out(kept)
+        push, most = (float(np.linalg.norm(way, axis=1).max()) for way in (kept - straight, apart))
+        part = max(push / (most + tiny), float((loose * apart).sum() / ((apart * apart).sum() + tiny)))
+        return straight + min(part, 1.0) * apart
+
+    def _ways(self, x: Floats, before: Floats, now: Floats) -> tuple[Floats, Floats]:
+        """Return points moved straight, and wound.
+
+        Straight, the points' harmonic places among the fixed points go with these, and points turn about them
+        as a whole. Wound, points go with the bones' motions, blended by harmonic weights.
+        """
+        assert self._weights is not None
+        bones, weights, places = self._weights
+        before, now = (centred(pose, self.centre)[bones] for pose in (before, now))
+        old, new = (np.einsum("ij,kj->ik", places, np.hstack(list(pose[:, :3]))) for pose in (before, now))
+        motions = now @ inverses(before)
+        turned = new + blend_motions(motions * [1.0, 1.0, 1.0, 0.0], weights, x - old)
+        turn = nearest_rotations(np.einsum("ij,ik->jk", turned, x - x.mean(axis=0))[None])[0]
+        return new + np.einsum("ij,kj->ik", x - old, turn), blend_motions(motions, weights, x)
+
+    def _iterate(
+        self, p: Floats, constants: Floats, keep_out: KeepOut, report: Progress, part: int = 1, parts: int = 1
+    ) -> Bools:
         """Project all constraints of points (n + 1, 3) in place; return the points that met an obstacle."""
         settings, met = self.parameters, np.zeros(len(p) - 1, dtype=np.bool_)
         rows, signed, buffer = (self.rows.points, constants), settings.signed_angles, self._buffer
@@ -274,13 +293,12 @@ class PBDSolver:
             if not by_edge:
                 sweep.project_edges(p, *rows, False, True, signed, buffer)
             met |= keep_out(p[:-1])
-            progress((iteration + 1) / settings.iterations)
+            report((part - 1 + (iteration + 1) / settings.iterations) / parts)
         return met
 
     def _with_fixed_points(self, points: Floats, transforms: Floats) -> Floats:
         """Return points with the fixed points on their bones, and one more: (n + 1, 3)."""
-        p = np.zeros((len(points) + 1, 3))
-        p[:-1] = points
+        p = np.vstack([points, np.zeros(3)])
         now = centred(transforms, self.centre)
         for bone, fixed in self._fixed:
             p[fixed] = apply_transform(now[bone], self.rest[fixed])

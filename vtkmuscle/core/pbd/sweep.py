@@ -241,8 +241,7 @@ def turn_from(sine: float, cosine: float, square: float, cosine0: float, sine0: 
     last = _A[2] + _A[1] * u + _A[0] * u2
     value = low + u4 * (second + u4 * (third + u4 * (fourth + u4 * last)))
     turn = 2.0 * x * value
-    beyond = (math.pi if across >= 0.0 else -math.pi) - turn
-    return turn if along >= 0.0 else beyond
+    return turn if along >= 0.0 else math.copysign(math.pi, across) - turn
 
 
 @lane

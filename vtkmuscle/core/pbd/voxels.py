@@ -1,7 +1,6 @@
 """Bones as voxels, and the collision response.
 
-Voxels are outside, boundary or inside. Kohout, Cervenka 2021, *Muscle Deformation Using Position Based
-Dynamics*, section 3.2, doi:10.1007/978-3-030-72379-8_24.
+Kohout and Cervenka 2021, section 3.2, doi:10.1007/978-3-030-72379-8_24.
 """
 
 from __future__ import annotations
@@ -128,8 +127,7 @@ def _mark_boundary(corners: Floats, cells: Cells) -> None:
     along, reach = corners @ axes.swapaxes(1, 2), (0.5 + ROUNDING) * np.abs(axes).sum(axis=2)
     # What touches the box from within does not make the layer around it a boundary.
     first = np.maximum(1, np.floor(corners.min(axis=1) - ROUNDING)).astype(np.int64)
-    last = np.floor(corners.max(axis=1) + ROUNDING).astype(np.int64)
-    last = np.minimum(last, np.array(cells.shape) - 2)
+    last = np.minimum(np.floor(corners.max(axis=1) + ROUNDING).astype(np.int64), np.array(cells.shape) - 2)
     _mark(first, last, axes, along.min(axis=1) - reach, along.max(axis=1) + reach, cells)
 
 

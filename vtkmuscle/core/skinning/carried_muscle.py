@@ -166,7 +166,7 @@ class CarriedMuscle:
             if muscle.fibres is not None:
                 self._fibre_weights = self._skinning.weights_of_fibres(*muscle.fibres)
         elif (fixed_to >= 0).any():
-            self._weights = harmonic_weights(points, muscle.triangles, fixed_to)
+            self._weights = harmonic_weights(points, muscle.triangles, fixed_to)[:2]
         self.shape = RestShape(points, topology)
         self._settling = Settling(self.shape, fixed_to, bones, clearance)
 
