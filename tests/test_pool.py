@@ -16,6 +16,7 @@ from faults import children, results
 from tiny_scene import write_tiny_scene
 
 from vtkmuscle import Scene, hinge
+from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.io.children import processes
 from vtkmuscle.run.pool import pool_size
 from vtkmuscle.scene.data import SceneError
@@ -61,8 +62,9 @@ def without_times(report):
 
 
 def test_other_processes_write_and_warn_as_this_one_does(scene, tmp_path, started):
-    near = replace(scene.muscles[SECOND], fixing={"method": "proximity", "distance": 100.0})
-    scene = replace(scene, muscles={**scene.muscles, SECOND: near})
+    bone = scene.bones["lower"]
+    open_bone = surface_from(points_of(bone), triangles_of(bone, "lower")[1:])
+    scene = replace(scene, bones={**scene.bones, "lower": open_bone})
     warned, parts = {}, {name: [] for name in NAMES}
 
     def note(muscle, stage, part):
@@ -76,7 +78,7 @@ def test_other_processes_write_and_warn_as_this_one_does(scene, tmp_path, starte
             scene.run(tmp_path / f"{workers}", **{**OPTIONS, "workers": workers}, progress=note)
         warned[workers] = [(one.category, str(one.message)) for one in caught]
     assert warned[1] == warned[2]
-    assert warned[1][0][1].startswith(f"muscles.{SECOND}: all ")
+    assert "block 'lower': the surface is open: 1 hole(s)" in warned[1][0][1]
     assert len(started) == 2
     assert not any(process.is_alive() for process in started)
     assert parts == {name: 2 * [frame / FRAMES for frame in range(FRAMES)] for name in NAMES}
