@@ -127,7 +127,7 @@ def test_a_muscle_goes_straight_and_winds_round_a_bone_and_back(phantom):
     first, last = (arrays.polylines_of(lines, "fibres").lengths.mean() for lines in (fibres, moved))
     known = phantom.known["length"]
     assert last - first == pytest.approx(known(40.0) - known(0.0), abs=3.0)
-    assert np.abs(arrays.points_of(deformer.apply(time=40.0)) - arrays.points_of(fixed)).max() < 3.0
+    assert np.abs(arrays.points_of(deformer.apply(time=40.0)) - arrays.points_of(fixed)).max() < 3.5
 
 
 @pytest.mark.parametrize("collision", ["sdf", "voxel"])

@@ -266,12 +266,9 @@ def _curves(run: Result, name: str, colour: str, pack: Pack) -> dict[str, Any]:
 def _lengths(lengths: Floats, pack: Pack, error: Floats | float = np.nan) -> dict[str, Any]:
     quartiles = rounded(np.percentile(lengths, (25.0, 75.0), axis=1))
     drawn = shown_of(lengths.shape[1])
-    return {
-        **_band(lengths, error),
-        **dict(zip(("lower", "upper"), quartiles, strict=True)),
-        "fibres": pack.add(lengths[:, drawn], "f32"),
-        "drawn": len(drawn),
-    }
+    sides = dict(zip(("lower", "upper"), quartiles, strict=True))
+    fibres = pack.add(lengths[:, drawn], "f32")
+    return {**_band(lengths, error), **sides, "fibres": fibres, "drawn": len(drawn)}
 
 
 def _band(values: Floats, error: Any, drawn: Callable[[Floats], Floats] = np.asarray) -> dict[str, Any]:
