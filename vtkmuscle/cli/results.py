@@ -71,6 +71,8 @@ def export(
         if parameters := muscle.out.parameters:
             typer.echo("  " + ", ".join(f"{name} {value:.4g}" for name, value in parameters.items()))
     typer.echo(f"wrote {out}, and the errors in {own_name(out)}_errors.csv")
+    if out.suffix.lower() == ".osim" and not masses and options.into is None:
+        typer.echo("No body of the model has a mass, so it cannot be simulated; give --mass BODY=KG.")
     if out.suffix.lower() == ".xml" and find_spec("mujoco") is None:
         typer.echo("The model is not checked: install the extra mujoco, and run vtkmuscle check.")
     else:
@@ -97,7 +99,8 @@ def _say(checked: ModelCheck) -> None:
         if "jumps" in finding.what:
             where = ", ".join(f"{name} {value:.4g}" for name, value in finding.pose.items())
             typer.echo(f"{finding.muscle}: {finding.what} by {1000.0 * finding.size:.1f} mm at {where}")
-    for word, words in (("sign", "moment arms change sign"), ("fibre", FIBRES_OUTSIDE)):
+    differ = "moment arms differ between the sides"
+    for word, words in (("sign", "moment arms change sign"), ("differ", differ), ("fibre", FIBRES_OUTSIDE)):
         names = [finding.muscle for finding in checked.findings if word in finding.what]
         typer.echo(f"{len(names if word == 'sign' else set(names))} {words}")
 

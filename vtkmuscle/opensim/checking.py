@@ -38,8 +38,6 @@ _FORCES = ("ForceSet", "actuator", "tendon")
 FIBRES_OUTSIDE = "fibres leave 0.5 to 1.6 of optimal"
 #: Lengths of muscles (f,) for values of coordinates (f,).
 Lengths = Callable[[Sequence[str], Mapping[str, Floats]], dict[str, Floats]]
-#: Muscle, coordinate, the coordinate's unit and values (n,), and moment arms (n,) with others at rest [m].
-_Side = tuple[str, str, str, Floats, Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +187,7 @@ def _findings(
 ) -> Iterator[PathFault]:
     """Yield the faults of muscles; the least reported sizes scale with the body."""
     tree, least = model.tree, {what: scale * size for what, size in KINDS.items()}
-    sides: dict[tuple[str, str], dict[str | None, _Side]] = {}
+    sides: dict[tuple[str, str], dict[str | None, Any]] = {}
     crossed = {name: model.paths[name].path.coordinates(tree) for name in muscles}
     free = [coordinate for coordinate in tree.coordinates if coordinate.name in tree.free]
     angles = {coordinate.name for coordinate in free if coordinate.is_angle}
@@ -227,8 +225,11 @@ def _findings(
         yield from (fault for fault in _sides_apart(pair) if fault.size > least[fault.what])
 
 
-def _sides_apart(sides: Mapping[str | None, _Side]) -> Iterator[PathFault]:
-    """Yield the moment arm of a right muscle that differs most from that of the left one, at rest."""
+def _sides_apart(sides: Mapping[str | None, Any]) -> Iterator[PathFault]:
+    """Yield the moment arm of a right muscle that differs most from that of the left one, at rest.
+
+    Of a side: muscle, coordinate, the coordinate's unit and values (n,), and moment arms (n,) [m].
+    """
     if {"left", "right"} <= sides.keys():
         (muscle, coordinate, unit, at, arms), (*_, theirs, others) = sides["right"], sides["left"]
         shared = (at >= theirs[0]) & (at <= theirs[-1])

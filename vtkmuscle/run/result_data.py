@@ -337,8 +337,7 @@ class ResultData(ByName):
             if (known := own.get("published")) is not None:
                 ends = np.clip(known["values"], angles.min(), angles.max())
                 for part, arm in ((f"range {LOWER}", known["low"]), (f"range {UPPER}", known["high"])):
-                    arms = np.full(2, arm)
-                    curves.append(LiteratureCurve(known["source"], muscle, name, part, ends, arms))
+                    curves.append(LiteratureCurve(known["source"], muscle, name, part, ends, np.full(2, arm)))
         return tuple(curves)
 
     def with_literature(self, path: str | PathLike[str]) -> Self:

@@ -253,8 +253,7 @@ def _judge_further(scene: SceneData, result: Result, track: MuscleTrack, odd: Se
         with suppress(ValueError):  # the report of the run has the reason
             arms = result.moment_arms()
             if name in arms:
-                own = scene.muscles[name].muscle or name
-                track.report["moment_arms"] = arms.report(name, own)
+                track.report["moment_arms"] = arms.report(name, scene.muscles[name].muscle or name)
     muscle = Judged(name, scene, track, arms.get(name, {}))
     reasons, missing = further_reasons(muscle, odd), missing_checks(muscle)
     track.report["verdict"] = with_reasons(track.report["verdict"], reasons, missing)
