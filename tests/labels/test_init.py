@@ -127,6 +127,13 @@ def test_a_model_gives_the_joints(files, tmp_path):
     model.write_text(MODEL.replace("femur_r", "talus_r"))
     done = init(*files, model, "--out", tmp_path / "other")
     assert "no body may be the bone 'femur_right'; name the mesh as one of the bodies: " in done.stderr
+    fibula = files[1].with_name("fibula_r.vtp")
+    fibula.write_bytes(files[1].read_bytes())
+    model.write_text(MODEL.replace("femur_r", "tibia_r"))
+    shank = files[1].rename(tmp_path / "shank_r.vtp")
+    done = init(files[0], shank, fibula, *files[2:4], model, "--out", tmp_path / "shank")
+    scene = vtkmuscle.Scene.load(tmp_path / "shank/scene.toml")
+    assert (scene.motion.transforms["fibula_right"] == scene.motion.transforms["shank_right"]).all()
 
 
 def test_each_muscle_has_its_architecture(files, tmp_path):

@@ -35,9 +35,7 @@ def joints_of_model(
     """
     tree = read_tree(file).scaled(MILLIMETRES["m"])
     bodies = {bone: _body(bone, tree.bodies, file) for bone in bones}
-    first: dict[str, str] = {}
-    for bone, body in bodies.items():
-        first.setdefault(body, bone)
+    first = {body: bone for bone, body in reversed(bodies.items())}
     joints, sweep = _joints(tree, bodies, first)
     frame, gap, size = _frame(tree, bodies, bones, joints)
     named = {bone: body for bone, body in bodies.items() if bone != body}
@@ -50,9 +48,10 @@ def joints_of_model(
 
 
 def _body(bone: str, bodies: Iterable[str], file: Path) -> str:
-    """Return the body of a bone."""
+    """Return the body of a bone, or the body that the bone moves with, as a fibula with the tibia."""
     near = [body for body in bodies if side_of(bone) in (None, side_of(body)) or side_of(body) is None]
     words = [words for kind in JOINTS for words in (kind.children, kind.parents) if has_word(bone, words)]
+    words += [kind.parents for kind in JOINTS if kind.form == "weld" and has_word(bone, kind.children)]
     same = [body for body in near if stem_of(body) == stem_of(bone)]
     same = same or [body for body in near if any(has_word(body, each) for each in words)]
     if len(same) != 1:
