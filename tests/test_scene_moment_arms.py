@@ -129,8 +129,7 @@ def test_means_through_via_rings_have_no_error(tmp_path):
 
 def test_published_ranges_are_drawn_without_being_asked_for():
     scene = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=6)
-    axis = {"centre": (0, 0, 0), "axis": (-1, 0, 0), "coordinate": "knee_extension"}
-    motion = hinge("distal", angles=[-20.0, -10.0, 0.0], **axis)
+    motion = hinge("distal", (0, 0, 0), (-1, 0, 0), [-20.0, -10.0, 0.0], coordinate="knee_extension")
     muscles = {"spindle": replace(scene.muscles["spindle"], muscle="semimembranosus")}
     result = replace(scene, motion=motion, muscles=muscles, deformer="none").run(figures=False)
     (band,) = drawn_curves(result.published_arms("spindle"))
