@@ -48,7 +48,10 @@ def joints_of_model(
 
 
 def _body(bone: str, bodies: Iterable[str], file: Path) -> str:
-    """Return the body of a bone, or the body that the bone moves with, as a fibula with the tibia."""
+    """Return the body of a bone.
+
+    A bone without a body has that of the bone that it moves with, as a fibula of the tibia.
+    """
     near = [body for body in bodies if side_of(bone) in (None, side_of(body)) or side_of(body) is None]
     words = [words for kind in JOINTS for words in (kind.children, kind.parents) if has_word(bone, words)]
     words += [kind.parents for kind in JOINTS if kind.form == "weld" and has_word(bone, kind.children)]

@@ -226,7 +226,7 @@ def _findings(
 
 
 def _sides_apart(sides: Mapping[str | None, Any]) -> Iterator[PathFault]:
-    """Yield the moment arm of a right muscle that differs most from that of the left one, at rest.
+    """Yield the largest difference of moment arms between the sides, at rest.
 
     Of a side: muscle, coordinate, the coordinate's unit and values (n,), and moment arms (n,) [m].
     """
