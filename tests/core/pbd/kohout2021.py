@@ -250,8 +250,8 @@ class Muscle:
     def anisotropy(self, i, j, fibres):
         """Section 3.1.
 
-        Reading: the fibre nearest to an edge is that nearest to its middle; of equally near ones (to 1e-7 of
-        half the longest segment) the first.
+        Reading: the fibre nearest to an edge is that nearest to its middle; of equally near ones (to 1e-9 of
+        the longest segment) the first.
         """
         if not len(fibres) or self.x[i] == self.x[j]:
             return 1.0
@@ -263,7 +263,7 @@ class Muscle:
         starts, ways, lengths = starts[lengths > 0], ways[lengths > 0], lengths[lengths > 0]
         part = np.clip(((middle - starts) * ways).sum(axis=1) / lengths**2, 0.0, 1.0)
         away = np.linalg.norm(starts + part[:, None] * ways - middle, axis=1)
-        nearest = int(np.flatnonzero(away <= away.min() + 5e-8 * lengths.max())[0])
+        nearest = int(np.flatnonzero(away <= away.min() + 1e-9 * lengths.max())[0])
         return eq9(u, tuple(ways[nearest] / lengths[nearest]))
 
     def step(self, now, before, iterations):
