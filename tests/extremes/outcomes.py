@@ -16,8 +16,8 @@ an error if two results must be equal, otherwise the change of shape since rest;
 hundredth of the mean are left out. By default a row has the stable modes with and without bones and
 anisotropy, and the published mode with and without bones.
 
-{count} cases, {form} form, seed {seed}. ``pytest -m extremes{option} --extremes-table
-docs/validation/extremes.rst`` writes the page; {rest}.
+{count} cases, {form} form, seed {seed}. ``pytest -m extremes{option}
+--extremes-table=docs/validation/extremes.rst`` writes the page; {rest}.
 """
 
 #: The words on the form of the tests.
