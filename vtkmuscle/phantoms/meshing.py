@@ -5,8 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import Delaunay
+from vtkmodules.vtkCommonDataModel import vtkImageData
+from vtkmodules.vtkFiltersCore import vtkTriangleFilter
+from vtkmodules.vtkFiltersGeometry import vtkGeometryFilter
 
 from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.data.arrays import checked_surface, output_of, with_settings
 from vtkmuscle.data.label_images import evened, isosurface
 from vtkmuscle.phantoms.implicit import Solid
 
@@ -85,20 +89,7 @@ def box(lower: ArrayLike, upper: ArrayLike, spacing: float) -> tuple[Floats, Int
     """Return a box of right-angled triangles with legs up to ``spacing`` [mm]."""
     low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
     counts = np.ceil((high - low) / spacing - 1e-9).astype(int)
-    faces = []
-    for axis in range(3):
-        side, up = (axis + 1) % 3, (axis + 2) % 3
-        i, j = (grid.reshape(-1) for grid in np.meshgrid(np.arange(counts[side]), np.arange(counts[up])))
-        for end in (0, counts[axis]):
-            corners = np.zeros((len(i), 4, 3), dtype=np.int64)
-            corners[..., axis] = end
-            corners[..., side] = i[:, None] + np.array([0, 1, 1, 0])
-            corners[..., up] = j[:, None] + np.array([0, 0, 1, 1])
-            even = ((i + j) % 2 == 0)[:, None]
-            split = np.where(even, [[0, 1, 2, 0, 2, 3]], [[0, 1, 3, 1, 2, 3]]).reshape(-1, 2, 3)
-            if end == 0:
-                split = split[..., ::-1]
-            faces.append(corners[np.arange(len(i))[:, None, None], split].reshape(-1, 3))
-    corners = np.vstack(faces)
-    places, ids = np.unique(corners, axis=0, return_inverse=True)
-    return low + places / counts * (high - low), ids.reshape(-1, 3).astype(np.int64)
+    grid = with_settings(vtkImageData(), Dimensions=counts + 1)
+    squares = output_of(vtkGeometryFilter(), InputData=grid)
+    places, triangles = checked_surface(output_of(vtkTriangleFilter(), InputData=squares), "box")
+    return low + places / counts * (high - low), triangles
