@@ -48,6 +48,23 @@ def rng():
 
 
 @pytest.fixture
+def noted(monkeypatch):
+    """Return what notes each call of a function of a module or class, by its arguments, in a list."""
+
+    def noted(owner, name, note, notes=None):
+        notes, original = [] if notes is None else notes, getattr(owner, name)
+
+        def noting(*arguments, **keywords):
+            notes.append(note(*arguments) if callable(note) else note)
+            return original(*arguments, **keywords)
+
+        monkeypatch.setattr(owner, name, noting)
+        return notes
+
+    return noted
+
+
+@pytest.fixture
 def renders():
     """A test that draws is skipped where nothing can be drawn."""
     from vtkmuscle.plotting import can_render

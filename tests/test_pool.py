@@ -36,17 +36,9 @@ def scene(tmp_path_factory):
 
 
 @pytest.fixture
-def started(monkeypatch):
+def started(noted):
     """The processes that pools have started."""
-    processes = []
-    start = BaseProcess.start
-
-    def noted(process):
-        processes.append(process)
-        start(process)
-
-    monkeypatch.setattr(BaseProcess, "start", noted)
-    return processes
+    return noted(BaseProcess, "start", lambda process: process)
 
 
 def report_of(folder):

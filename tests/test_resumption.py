@@ -43,17 +43,9 @@ def scene(tmp_path_factory):
 
 
 @pytest.fixture
-def computed(monkeypatch):
+def computed(noted):
     """The muscles that are computed, in order."""
-    names = []
-    go = MuscleRun.go
-
-    def noted(self):
-        names.append(self.name)
-        go(self)
-
-    monkeypatch.setattr(MuscleRun, "go", noted)
-    return names
+    return noted(MuscleRun, "go", lambda run: run.name)
 
 
 def run(scene, out, **more):

@@ -24,16 +24,9 @@ def scene():
 
 
 @pytest.fixture
-def solved(monkeypatch):
+def solved(noted):
     """Return the names of the folders into which scenes are run from now on."""
-    folders, run = [], Scene.run
-
-    def counted(self, out=None, **options):
-        folders.append(None if out is None else Path(out).name)
-        return run(self, out, **options)
-
-    monkeypatch.setattr(Scene, "run", counted)
-    return folders
+    return noted(Scene, "run", lambda scene, out=None: None if out is None else Path(out).name)
 
 
 def same_numbers(table, other, without=("seconds", "folder")):

@@ -194,18 +194,6 @@ def count_executions(algorithm):
     return calls
 
 
-def count_calls(monkeypatch, calls, owner, name, label):
-    """Add a label to the calls whenever a function of a module or class is called."""
-    original = getattr(owner, name)
-
-    @functools.wraps(original)
-    def counted(*arguments, **keywords):
-        calls.append(label)
-        return original(*arguments, **keywords)
-
-    monkeypatch.setattr(owner, name, counted)
-
-
 def other_value(declaration, value):
     """Return an allowed value that differs from the one given, or that one if it is the only choice."""
     if declaration.choices:

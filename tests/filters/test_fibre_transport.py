@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from filter_case import count_calls
 from numpy.testing import assert_allclose, assert_array_equal
 from shapes import lines_of
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -17,11 +16,9 @@ def fibres():
 
 
 @pytest.fixture
-def weights(monkeypatch):
+def weights(noted):
     """Count the computations of weights."""
-    done = []
-    count_calls(monkeypatch, done, embedding, "mean_value_coordinates", "weights")
-    return done
+    return noted(embedding, "mean_value_coordinates", "weights")
 
 
 def test_without_a_deformation_fibres_come_back_also_those_outside(fibres, muscle):

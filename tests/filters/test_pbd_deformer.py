@@ -46,20 +46,13 @@ def frame(deformer, time):
 
 
 @pytest.fixture
-def counted_poses(monkeypatch):
+def counted_poses(noted):
     """Note the flexion of each pose that is solved."""
-    angles = []
 
-    def counted(solve):
-        def counting(self, before, transforms, **keywords):
-            angles.append(round(float(np.degrees(np.arctan2(transforms[1][2, 1], transforms[1][1, 1]))), 6))
-            return solve(self, before, transforms, **keywords)
+    def flexion(solver, before, transforms):
+        return round(float(np.degrees(np.arctan2(transforms[1][2, 1], transforms[1][1, 1]))), 6)
 
-        return counting
-
-    for name in ("step", "pose"):
-        monkeypatch.setattr(PBDSolver, name, counted(getattr(PBDSolver, name)))
-    return angles
+    return noted(PBDSolver, "pose", flexion, noted(PBDSolver, "step", flexion))
 
 
 # ---------------------------------------------------------------- what comes out

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from filter_case import count_calls, digest
+from filter_case import digest
 from sequences import check_sequences
 from test_pbd_deformer import bones, spindle
 
@@ -95,17 +95,15 @@ GRIDS = {"balanced": set(), "published": {"voxels"}}
 
 
 @pytest.fixture
-def work(monkeypatch):
+def work(noted):
     """Count what is done: frames, and the things that are made for them."""
     voxels._GRIDS.clear()  # those of equal bones are shared
     done = []
-
-    count = functools.partial(count_calls, monkeypatch, done)
-    count(fixed_muscle, "mesh_topology", "topology")
-    count(solver, "RestShape", "rest shape")
-    count(sweep, "harmonic_directions", "fibre directions")
-    count(voxels, "build_voxel_grid", "voxels")
-    count(solver.PBDSolver, "step", "frames")
+    noted(fixed_muscle, "mesh_topology", "topology", done)
+    noted(solver, "RestShape", "rest shape", done)
+    noted(sweep, "harmonic_directions", "fibre directions", done)
+    noted(voxels, "build_voxel_grid", "voxels", done)
+    noted(solver.PBDSolver, "step", "frames", done)
     return done
 
 

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import phantoms
 import pytest
-from filter_case import count_calls, digest
+from filter_case import digest
 from slow import slow
 
 from vtkmuscle import Scene
@@ -152,9 +152,8 @@ def test_paths_have_lengths_rest_and_the_arrays_of_their_fibres():
     assert {"Contact", "Squeezed", "Sag"} <= set(names_of("", out.GetCellData()))
 
 
-def test_bones_connected_for_each_pose_leave_the_paths_at_rest(monkeypatch):
-    solved = []
-    count_calls(monkeypatch, solved, taut_paths, "MusclePaths", "rest")
+def test_bones_connected_for_each_pose_leave_the_paths_at_rest(noted):
+    solved = noted(taut_paths, "MusclePaths", "rest")
     paths, moving = paths_of(*CASES[3], resolution=12), paths_of(*CASES[3]).bones
     for time in (0.0, 15.0, 30.0):
         paths.bones = moving(time=time)

@@ -4,7 +4,7 @@ import functools
 
 import numpy as np
 import pytest
-from filter_case import count_calls, digest
+from filter_case import digest
 from sequences import check_sequences
 
 from vtkmuscle import filters
@@ -114,18 +114,16 @@ EVERY_FRAME = {"surface"}
 
 
 @pytest.fixture
-def work(monkeypatch):
+def work(noted):
     """Count what is made, and the frames."""
     done = []
-
-    count = functools.partial(count_calls, monkeypatch, done)
-    count(taut_paths, "MusclePaths", "paths at rest")
-    count(carried_muscle, "RestShape", "rest shape")
-    count(carried_muscle, "Skinning", "skinning")
-    count(carried_muscle, "Settling", "settling")
-    count(MusclePaths, "follow", "paths")
-    count(path_deformer.CarriedMuscle, "pose", "surface")
-    count(SheetPose, "levers", "levers")
+    noted(taut_paths, "MusclePaths", "paths at rest", done)
+    noted(carried_muscle, "RestShape", "rest shape", done)
+    noted(carried_muscle, "Skinning", "skinning", done)
+    noted(carried_muscle, "Settling", "settling", done)
+    noted(MusclePaths, "follow", "paths", done)
+    noted(path_deformer.CarriedMuscle, "pose", "surface", done)
+    noted(SheetPose, "levers", "levers", done)
     return done
 
 
