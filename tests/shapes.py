@@ -33,6 +33,17 @@ def ball(*, radius=10.0, centre=(0.0, 0.0, 0.0), n_points=400):
     return convex(radius * directions / np.linalg.norm(directions, axis=1, keepdims=True) + np.array(centre))
 
 
+class HalfSpace:
+    """A bone that fills all beyond an x [mm]."""
+
+    def __init__(self, x):
+        self.x, self.box = x, (np.array([x, -np.inf, -np.inf]), np.full(3, np.inf))
+        self.solids = self
+
+    def depth(self, points):
+        return np.maximum(points[:, 0] - self.x, 0.0)
+
+
 def box(low=(0.0, 0.0, 0.0), high=(4.0, 2.0, 1.0)):
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
     return convex(np.array(low) + corners * (np.array(high) - np.array(low)))

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from commands import vtkmuscle_
+from commands import refused
 from slow import slow
 from tiny_scene import HINGE, MOTION
 
@@ -21,16 +21,6 @@ def change(scene_file, old, new):
     text = scene_file.read_text()
     assert old in text
     scene_file.write_text(text.replace(old, new))
-
-
-def refused(*arguments):
-    """Run the program, expect a line for each fault and nothing else, and return them."""
-    done = vtkmuscle_(*arguments)
-    assert done.exit_code == Status.BAD_INPUT
-    lines = done.stderr.splitlines()
-    assert lines
-    assert all(line.startswith("error: ") and len(line) < 600 for line in lines)
-    return done.stderr
 
 
 def run(scene_file):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import pyvista
 from phantoms import flexor_over_brim
+from shapes import HalfSpace
 from slow import slow
 from test_metamorphic import mapped
 from tiny_scene import write_tiny_scene
@@ -164,24 +165,16 @@ def test_the_report_says_what_the_geometry_says(result, scene):
 def test_penetration_is_measured_in_the_bone_where_it_is_now(scene):
     """A muscle pushed into the moved bone by a known depth."""
     rest = scene.run(frames=0, figures=False).rest_muscle("plain")
-
-    class HalfSpace:
-        box = np.full(3, -np.inf), np.array([np.inf, np.inf, 0.0])
-        solids = property(lambda self: self)
-
-        def depth(self, points):
-            return np.maximum(-points[:, 2], 0.0)
-
-    measure = MuscleMeasure(rest, ["upper", "lower"], {"lower": HalfSpace()}, 10.0)
+    measure = MuscleMeasure(rest, ["upper", "lower"], {"lower": HalfSpace(0.0)}, 10.0)
     assert MuscleMeasure(rest, ["upper", "lower"], {}, 10.0).depths(np.zeros((1, 3)), {}) is None
     free = point_array(rest, "FixedTo", "rest") == -1
-    heights = points_of(rest)[free, 2]
-    few = float(np.percentile(heights, 2))  # of the points in the bone, and so no 95th percentile but 0
-    for height in (7.0, few):
-        lift = np.eye(4)
-        lift[2, 3] = height  # the half space is now z < height
-        depths = np.maximum(height - heights, 0.0)
-        row = measure.frame(points_of(rest), {"lower": lift})
+    places = points_of(rest)[free, 0]
+    few = float(np.percentile(places, 98))  # of the points in the bone, and so no 95th percentile but 0
+    for place in (-2.0, few):
+        shift = np.eye(4)
+        shift[0, 3] = place  # the half space is now x > place
+        depths = np.maximum(places - place, 0.0)
+        row = measure.frame(points_of(rest), {"lower": shift})
         assert row["penetration_max_mm"] == pytest.approx(10.0 * depths.max())
         assert row["penetration_p95_mm"] == pytest.approx(10.0 * np.percentile(depths, 95))
         assert row["penetrating_points"] == (depths > 0).sum() > 0

@@ -3,11 +3,11 @@
 import re
 
 import pytest
-from typer.testing import CliRunner
+from commands import vtkmuscle_
 
 import vtkmuscle
 from vtkmuscle import installation
-from vtkmuscle.cli import Status, app
+from vtkmuscle.cli import Status
 
 
 def test_an_installation_that_computes_otherwise_is_said(monkeypatch):
@@ -19,8 +19,7 @@ def test_an_installation_that_computes_otherwise_is_said(monkeypatch):
 def test_the_command_names_versions_and_fails_where_a_known_answer_is_missed(monkeypatch):
     rows = [("arm [mm]", 30.0, 32.0, 3.0, True), ("volume", 1.1, 1.0, 1e-6, False)]
     monkeypatch.setattr(installation, "selftest", lambda: vtkmuscle.Table(installation.COLUMNS, rows))
-    done = CliRunner().invoke(app, ["selftest"])
-    assert done.exit_code == Status.FAILED
+    done = vtkmuscle_("selftest", status=Status.FAILED)
     assert re.search(rf"^vtkmuscle +{re.escape(vtkmuscle.__version__)}$", done.output, re.MULTILINE)
     for word in ("python", "processors", "numba", "pictures", "kernels"):
         assert re.search(rf"^{word} +\S", done.output, re.MULTILINE)
@@ -30,6 +29,4 @@ def test_the_command_names_versions_and_fails_where_a_known_answer_is_missed(mon
 
 @pytest.mark.slow
 def test_the_command_passes_here():
-    done = CliRunner().invoke(app, ["selftest"])
-    assert done.exit_code == 0
-    assert done.output.count("passed") == 5
+    assert vtkmuscle_("selftest").output.count("passed") == 5

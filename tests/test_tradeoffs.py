@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from commands import vtkmuscle_
+from commands import refused, vtkmuscle_
 from tiny_scene import write_tiny_scene
 
 import vtkmuscle
@@ -99,13 +99,9 @@ def test_the_command_prints_the_table_and_the_cheapest_setting(tmp_path):
     scene = write_tiny_scene(tmp_path)
     settings = ["--vary", "deformer=none", "--vary", "quality=preview,balanced", "--frames", "0:2"]
     done = vtkmuscle_("tradeoff", scene, "--out", tmp_path / "out", *settings, "--within", "5")
-    assert done.exit_code == 0, done.output
     assert "moment arm" in done.output
     assert "deformer = none, quality = " in done.output
-    bad = vtkmuscle_("tradeoff", scene, "--out", tmp_path / "bad", "--vary", "fibres")
-    assert bad.exit_code == 2
-    assert "--vary: 'fibres' is no pair" in bad.stderr
-    frames = vtkmuscle_("tradeoff", scene, "--out", tmp_path / "bad", "--vary", "frames=1,2")
-    assert (frames.exit_code, "'frames' is no setting of a scene" in frames.stderr) == (2, True)
-    twice = vtkmuscle_("tradeoff", scene, "--out", tmp_path / "bad", *["--vary", "n_fibres=8"] * 2)
-    assert "--vary: 'n_fibres' is given twice" in twice.stderr
+    call = "tradeoff", scene, "--out", tmp_path / "bad", "--vary"
+    assert "--vary: 'fibres' is no pair" in refused(*call, "fibres")
+    assert "'frames' is no setting of a scene" in refused(*call, "frames=1,2")
+    assert "--vary: 'n_fibres' is given twice" in refused(*call, "n_fibres=8", "--vary", "n_fibres=8")

@@ -4,7 +4,7 @@ import csv
 import html
 
 import pytest
-from commands import vtkmuscle_
+from commands import refused, vtkmuscle_
 from faults import files_in
 from tiny_scene import HINGE, TOML, write_tiny_scene
 
@@ -25,7 +25,6 @@ def run(tmp_path_factory):
     path.write_text(TOML.replace(motion, HINGE + f"coordinate = '{NAME}'\n\n"))
     out = path.parent / "out"
     done = vtkmuscle_("run", path, "--out", out, "--no-figures")
-    assert done.exit_code == 0, done.output
     return done.stdout, out
 
 
@@ -64,6 +63,5 @@ def test_files_say_what_they_are(run):
 
 
 def test_what_cannot_be_exported_is_said(run, tmp_path):
-    done = vtkmuscle_("export", run[1], tmp_path / "page.gltf")
-    assert done.exit_code == 2
-    assert "unknown format of an export; write .osim" in done.output
+    said = refused("export", run[1], tmp_path / "page.gltf")
+    assert "unknown format of an export; write .osim" in said

@@ -8,10 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from commands import refused, vtkmuscle_
 from file_server import serving
-from typer.testing import CliRunner
 
-from vtkmuscle import InputError, Scene, cli, fetch
+from vtkmuscle import InputError, Scene, fetch
 from vtkmuscle import public_data as public
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -118,20 +118,16 @@ def test_a_folder_in_the_way_is_left_alone(tiny, tmp_path):
 
 
 def test_the_command_shows_the_licence_and_wants_it_accepted(tiny, tmp_path):
-    to = ["--out", str(tmp_path / "here")]
     with serving(tiny) as (host, _):
-        refused = CliRunner().invoke(cli.app, ["fetch", "lhdl-hip", *to, "--host", host])
-        assert refused.exit_code == cli.Status.BAD_INPUT
-        assert "You may." in refused.output
-        assert "--accept-licence" in refused.output
+        call = "fetch", "lhdl-hip", "--out", tmp_path / "here", "--host", host
+        said = vtkmuscle_(*call, status=2).output
+        assert "You may." in said
+        assert "--accept-licence" in said
         assert nothing_left(tmp_path)
-        taken = CliRunner().invoke(cli.app, ["fetch", "lhdl-hip", *to, "--host", host, "--accept-licence"])
-    assert taken.exit_code == 0
+        vtkmuscle_(*call, "--accept-licence")
     assert (tmp_path / "here" / "scene.toml").is_file()
 
 
 def test_a_name_that_is_not_known_is_answered_with_those_that_are():
-    assert "lhdl-hip: " in CliRunner().invoke(cli.app, ["fetch"]).output
-    answer = CliRunner().invoke(cli.app, ["fetch", "lhdl-knee"])
-    assert answer.exit_code == cli.Status.BAD_INPUT
-    assert "did you mean 'lhdl-hip'" in answer.output
+    assert "lhdl-hip: " in vtkmuscle_("fetch").output
+    assert "did you mean 'lhdl-hip'" in refused("fetch", "lhdl-knee")

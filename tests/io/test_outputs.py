@@ -6,11 +6,10 @@ import subprocess
 import sys
 
 import pytest
-from commands import vtkmuscle_
+from commands import contents, refused, vtkmuscle_
 from slow import slow
 
 from vtkmuscle import Scene
-from vtkmuscle.cli import Status
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.io import write_polydata, write_text
 from vtkmuscle.io.writing import LOCK, RECORD, Outputs
@@ -109,16 +108,6 @@ def test_a_killed_command_goes_on(tmp_path, move):
     assert {path.name for path in tmp_path.iterdir()} <= {"sub", RECORD, LOCK}
 
 
-def refused(done, words):
-    assert done.exit_code == Status.BAD_INPUT, done.output
-    assert words in " ".join(done.output.split())
-    return True
-
-
-def contents(folder):
-    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
 def test_init_keeps_landmarks_and_a_corrected_scene(tmp_path):
     """Landmarks where init would write its own are inputs; a scene that was corrected is the user's."""
     phantom = hip(detail=0.5)
@@ -132,16 +121,16 @@ def test_init_keeps_landmarks_and_a_corrected_scene(tmp_path):
     meshes = [tmp_path / f"{name}.vtp" for name in surfaces]
     before = contents(tmp_path)
     for insist in ((), ("--overwrite",)):
-        done = vtkmuscle_("init", *meshes, landmarks, "--out", tmp_path, *insist)
-        assert refused(done, "would replace an input")
+        said = refused("init", *meshes, landmarks, "--out", tmp_path, *insist)
+        assert "would replace an input" in said
         assert contents(tmp_path) == before
     landmarks.unlink()
     (tmp_path / "volumes.csv").write_text("mine")
-    assert refused(vtkmuscle_("init", *meshes, "--out", tmp_path), "volumes.csv: the file exists")
+    assert "volumes.csv: the file exists" in refused("init", *meshes, "--out", tmp_path)
     assert (tmp_path / "volumes.csv").read_text() == "mine"
     (tmp_path / "volumes.csv").unlink()
     for _ in range(2):
-        assert vtkmuscle_("init", *meshes, "--out", tmp_path).exit_code == 0
+        vtkmuscle_("init", *meshes, "--out", tmp_path)
     (tmp_path / "scene.toml").write_text("# corrected")
-    assert refused(vtkmuscle_("init", *meshes, "--out", tmp_path), "scene.toml: the file exists")
+    assert "scene.toml: the file exists" in refused("init", *meshes, "--out", tmp_path)
     assert (tmp_path / "scene.toml").read_text() == "# corrected"

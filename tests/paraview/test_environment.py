@@ -6,15 +6,9 @@ import subprocess
 import sys
 
 import pytest
-from commands import python
-from typer.testing import CliRunner
+from commands import python, refused, vtkmuscle_
 
-from vtkmuscle.cli import Status, app
 from vtkmuscle.paraview.environment import COMPATIBILITY, PLUGINS, link_packages
-
-
-def run(*arguments):
-    return CliRunner().invoke(app, ["paraview-path", *map(str, arguments)])
 
 
 def test_the_folder_gives_what_the_filters_need_and_no_vtk(tmp_path):
@@ -33,8 +27,7 @@ def test_the_folder_gives_what_the_filters_need_and_no_vtk(tmp_path):
 
 def test_the_commands_set_the_variables(tmp_path):
     folder = tmp_path / "it's here"
-    done = run("--folder", folder)
-    assert done.exit_code == 0, done.output
+    done = vtkmuscle_("paraview-path", "--folder", folder)
     script = done.output + 'printf "%s\\n" "$PV_PLUGIN_PATH" "$PYTHONPATH"'
     printed = subprocess.run(
         ["sh", "-c", script], env={"PYTHONPATH": "/before"}, capture_output=True, text=True, check=True
@@ -58,39 +51,33 @@ def test_links_are_made_anew(tmp_path):
 
 def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
-    done = run("--folder", tmp_path)
-    assert done.exit_code == Status.BAD_INPUT
-    assert "mine.txt is not a link" in done.stderr
+    assert "mine.txt is not a link" in refused("paraview-path", "--folder", tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
 def test_links_of_the_user_are_left_alone_all_of_them(tmp_path):
     for name in ("a", "numpy", "z"):
         (tmp_path / name).symlink_to("/somewhere")
-    done = run("--folder", tmp_path)
-    assert done.exit_code == Status.BAD_INPUT
-    assert "a is a link of another program" in done.stderr
+    assert "a is a link of another program" in refused("paraview-path", "--folder", tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "numpy", "z"]
     assert all(os.readlink(path) == "/somewhere" for path in tmp_path.iterdir())
 
 
 def test_an_empty_name_is_no_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert run("--folder", "").exit_code == Status.BAD_INPUT
+    vtkmuscle_("paraview-path", "--folder", "", status=2)
     assert not list(tmp_path.iterdir())
 
 
 def test_without_a_cache_a_folder_must_be_given(monkeypatch):
     monkeypatch.setenv("VTKMUSCLE_CACHE", "")
-    done = run()
-    assert done.exit_code == Status.BAD_INPUT
-    assert "--folder" in done.stderr
+    assert "--folder" in refused("paraview-path")
 
 
 @pytest.mark.parametrize("twice", [1, 2])
 def test_the_default_folder_is_in_the_cache(monkeypatch, tmp_path, twice):
     monkeypatch.setenv("VTKMUSCLE_CACHE", str(tmp_path))
     for _ in range(twice):
-        assert run().exit_code == 0
+        vtkmuscle_("paraview-path")
     (folder,) = tmp_path.iterdir()
     assert folder.name.startswith(f"paraview-py3.{sys.version_info.minor}-")
