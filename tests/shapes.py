@@ -1,7 +1,7 @@
 """Closed surfaces with known insides, for tests of distances and collisions, and polylines."""
 
 import numpy as np
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, cKDTree
 from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.mesh.surface import opposite_half_edges
@@ -13,6 +13,11 @@ def lines_of(lines):
     """Return polylines as a data set, from points (n, 3) of each."""
     offsets = np.append(0, np.cumsum([len(line) for line in lines]))
     return polylines_from(Polylines(np.vstack(lines).astype(float), offsets))
+
+
+def nearest_other(places):
+    """Return the distance of each place to the nearest other one."""
+    return cKDTree(places).query(places, 2)[0][:, 1]
 
 
 def convex(points):

@@ -14,7 +14,7 @@ import pyvista
 import typer
 from commands import python, refused, vtkmuscle_
 from slow import slow
-from tiny_scene import HINGE, MOTION, ellipsoid
+from tiny_scene import HINGE, MOTION, edit, ellipsoid
 
 import vtkmuscle
 from vtkmuscle import Scene
@@ -85,7 +85,7 @@ def test_without_out_the_folder_is_called_after_the_scene(scene_file, tmp_path, 
     ],
 )
 def test_bad_input_is_one_line_and_status_2(old, new, message, scene_file, tmp_path):
-    scene_file.write_text(scene_file.read_text().replace(old, new))
+    edit(scene_file, old, new)
     said = refused("run", scene_file, "--out", tmp_path / "out")
     assert message in said
     assert said.count("\n") == 1

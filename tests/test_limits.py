@@ -9,18 +9,12 @@ from pathlib import Path
 import pytest
 from commands import refused
 from slow import slow
-from tiny_scene import HINGE, MOTION
+from tiny_scene import HINGE, MOTION, edit
 
 from vtkmuscle import Scene
 from vtkmuscle.cli import Status
 
 DEEP = "a = " + 500 * "[" + 500 * "]" + "\n"
-
-
-def change(scene_file, old, new):
-    text = scene_file.read_text()
-    assert old in text
-    scene_file.write_text(text.replace(old, new))
 
 
 def run(scene_file):
@@ -46,7 +40,7 @@ def run(scene_file):
     ids=range(12),
 )
 def test_numbers_that_nobody_means_are_refused(scene_file, old, new):
-    change(scene_file, old, new)
+    edit(scene_file, old, new)
     words = run(scene_file)
     assert "\x1b" not in words
     assert str(scene_file) in words
@@ -76,7 +70,7 @@ def test_pipes_and_devices_are_refused(scene_file, tmp_path, where, kind):
             "landmarks": ("attachments/origin.vtp", f"{path}"),
             "template": ('template = "parallel"', f'template_file = "{path}"'),
         }[where]
-        change(scene_file, old, new)
+        edit(scene_file, old, new)
         words = run(scene_file)
     assert "pipe or a device" in words
 

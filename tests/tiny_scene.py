@@ -72,6 +72,12 @@ def ring(height):
     return np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full(8, height)])
 
 
+def edit(path, old, new):
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
 def write_tiny_scene(folder: Path) -> Path:
     """Write a spindle between two bones, of which the lower one turns by 20 degrees in 5 frames."""
     write_polydata(folder / "muscles/spindle.vtp", ellipsoid((8, 8, 40), (0, 0, 0), 16))

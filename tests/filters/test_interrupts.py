@@ -15,14 +15,6 @@ from vtkmuscle.filters import FibreSmoother
 from vtkmuscle.pipelines import deform
 
 
-@pytest.fixture(autouse=True)
-def ctrl_c_counts():
-    """Pytest may itself run where a background job's Ctrl-C is ignored."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 def test_ctrl_c_stops_within_an_iteration_and_leaves_the_filter_usable(spindle):
     muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vtkmuscle.core.motion.coordinates import Coordinate
-from vtkmuscle.core.motion.rigid import RigidMotion, hinge, rotation_about
+from vtkmuscle.core.motion.rigid import RigidMotion, hinge
 from vtkmuscle.io import motion_columns, read_motion_table, write_motion_table
 
 AXES = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda a: np.linalg.norm(a) > 0.1)
@@ -61,6 +61,7 @@ def test_a_byte_order_mark_and_other_columns_do_no_harm(table):
         (3, "T11", "zwei", r"m\.csv: line 3 \(row 1\): T11 is 'zwei', but must be a finite number"),
         (3, "T03", "nan", r"line 3 \(row 1\): T03 is 'nan'"),
         (4, "T00", "1.5", r"line 4 \(row 2\): the transform is not rigid: .* scales or shears"),
+        (2, "T00", "-1", r"line 2 \(row 0\): the transform is not rigid: .* mirrors"),
         (2, "T33", "2", r"line 2 \(row 0\): the transform is not rigid: its last row"),
         (4, "time", "15.0", r"line 4 \(row 2\): the times \(time\) must ascend, but 15 comes after 15"),
         (1, "T21", "t21", r"m\.csv: the column\(s\) T21 are missing"),
@@ -72,15 +73,6 @@ def test_faults_are_named_with_their_line(line, column, value, message, table):
     changed(table, line, column, value)
     with pytest.raises(ValueError, match=message):
         read_motion_table(table, "femur", time="time")
-
-
-def test_a_mirror_is_not_rigid(tmp_path):
-    mirror = rotation_about((0, 0, 0), (0, 0, 1), 20.0)
-    mirror[:, 0] *= -1
-    header = ",".join(f"T{i}{j}" for i in range(4) for j in range(4))
-    (tmp_path / "m.csv").write_text(header + "\n" + ",".join(map(repr, map(float, mirror.reshape(-1)))))
-    with pytest.raises(ValueError, match="mirrors"):
-        read_motion_table(tmp_path / "m.csv", "femur")
 
 
 @pytest.mark.parametrize("content", [b"", b"T00,T01\n", b"\xff\xfe\x00"])
@@ -130,8 +122,6 @@ def test_columns_that_do_not_change_are_no_coordinates(tmp_path):
     assert list(read_motion_table(tmp_path / "m.csv", "b", coordinates=["flexion", "still"]).coordinates) == [
         "flexion"
     ]
-    with pytest.raises(ValueError, match="no column 'knee' for a coordinate; the other columns are: time, "):
-        read_motion_table(tmp_path / "m.csv", "b", coordinates=["knee"])
 
 
 @pytest.mark.parametrize("name", ["T00", "time", "a,b", " a"])

@@ -39,11 +39,6 @@ def test_markups_are_turned_to_the_frame_of_the_scene(tmp_path, frame, expected)
     assert read_named_points(path).names == ("F-0", "F-1", "F-2")
 
 
-def test_a_closed_curve_is_a_ring_and_a_curve_is_none(tmp_path):
-    assert read_landmarks(written(tmp_path, "a.mrk.json", markups("ClosedCurve")))[1]
-    assert not read_landmarks(written(tmp_path, "b.mrk.json", markups("Curve")))[1]
-
-
 @pytest.mark.parametrize(
     ("system", "expected"), [("LPS", POINTS), ("1", POINTS), ("RAS", OTHER_SIDE), ("0", OTHER_SIDE)]
 )

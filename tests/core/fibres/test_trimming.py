@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from oracles import igl
-from scipy.spatial import cKDTree
+from shapes import nearest_other
 
 from vtkmuscle.core.fibres.trimming import (
     EndArea,
@@ -43,7 +43,7 @@ BOTTOM = {"where": lambda p: p[:, 2] <= 10, "extremal": 10.0}
 TOP = {"where": lambda p: p[:, 2] >= 90, "extremal": 90.0}
 
 
-def trimmed(lines, *, origin=None, insertion=None, largest_cut=0.4, tolerance=0.6):
+def trimmed(lines, *, origin=None, insertion=None, largest_cut=0.4, inside=into_rod):
     count = lines.shape[1]
     offsets = np.arange(0, lines.shape[0] * count + 1, count)
     result = trim_fibres(
@@ -51,7 +51,7 @@ def trimmed(lines, *, origin=None, insertion=None, largest_cut=0.4, tolerance=0.
         offsets,
         axis=AXIS,
         areas=(origin or area(**BOTTOM), insertion or area(**TOP)),
-        limits=(into_rod, tolerance, largest_cut),
+        limits=(inside, 0.6, largest_cut),
     )
     return result.reshape(lines.shape)
 
@@ -74,10 +74,6 @@ def pinched(n=40, count=17):
 def distance_to_patch(places, end):
     surface = end.samples.points, end.samples.faces
     return np.sqrt(igl.point_mesh_squared_distance(np.ascontiguousarray(places), *surface)[0])
-
-
-def nearest_other(places):
-    return cKDTree(places).query(places, 2)[0][:, 1]
 
 
 @pytest.mark.parametrize("fibres", [parallel(), pinched(), parallel(count=2), parallel(count=3)])
@@ -129,14 +125,8 @@ def test_fibres_that_run_from_area_to_area_are_left_as_they_are():
 
 def test_the_ends_stay_on_the_areas_where_these_are_not_in_the_muscle():
     bottom, top = area(**BOTTOM), area(**TOP)
-    lines = parallel(5)
-    result = trim_fibres(
-        lines.reshape(-1, 3),
-        np.arange(6) * lines.shape[1],
-        axis=AXIS,
-        areas=(bottom, top),
-        limits=(lambda places: into_rod(places).clip([-99, -99, 12], [99, 99, LENGTH - 12]), 0.6, 0.4),
-    ).reshape(lines.shape)
+    shorter = [-99, -99, 12], [99, 99, LENGTH - 12]
+    result = trimmed(parallel(5), inside=lambda places: into_rod(places).clip(*shorter))
     for end, number in ((bottom, 0), (top, -1)):
         assert distance_to_patch(result[:, number], end).max() < 1e-9
     assert (result[:, 1:-1, 2] >= 12).all()
@@ -163,13 +153,8 @@ def test_new_segments_stay_in_the_muscle_even_beside_a_hollow():
     turn = np.arctan2(lines[:, 0, 1], lines[:, 0, 0])
     lines[:, :, 0] += away * np.cos(turn)[:, None]
     lines[:, :, 1] += away * np.sin(turn)[:, None]
-    result = trim_fibres(
-        lines.reshape(-1, 3),
-        np.arange(0, 12 * 41 + 1, 41),
-        axis=AXIS,
-        areas=(area(**BOTTOM), area(lambda p: p[:, 2] >= LENGTH, 60.0)),
-        limits=(out_of_hollow, 0.6, 0.5),
-    )
+    face = area(lambda p: p[:, 2] >= LENGTH, 60.0)
+    result = trimmed(lines, insertion=face, largest_cut=0.5, inside=out_of_hollow).reshape(-1, 3)
     assert max(pushed[:-1]) > 3  # cut where the plane is, the new segments would cross the hollow
     assert pushed[-1] < 0.85  # and the final ones do not
     assert_allclose(out_of_hollow(result), result, atol=1e-9)

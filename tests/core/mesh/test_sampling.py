@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
-from shapes import grid
+from shapes import grid, nearest_other
 
 from vtkmuscle.core.mesh.sampling import PatchSamples, even_samples, samples_inside, sobol, space_order
 
@@ -14,10 +14,6 @@ def sheet(size=8, spacing=5.0):
     """Return a flat square sheet, 40 x 40 mm."""
     points, triangles = grid(size, size)
     return spacing * points, triangles
-
-
-def nearest_other(places):
-    return cKDTree(places).query(places, 2)[0][:, 1]
 
 
 def test_dense_samples_are_on_the_triangles_between_the_points_and_nowhere_else():
