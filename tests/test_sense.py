@@ -140,6 +140,10 @@ NONSENSE = {
         lambda s: hinged(s, centre=(0.0, 60.0, 80.0)), False,
         r"the bones 'pelvis' and 'femur' are \d+(\.\d+)? mm (deeper in each other|farther apart)",
     ),
+    "joint beside the head": (
+        lambda s: hinged(s, centre=(0.0, 6.0, 5.0)), False,
+        r"'femur' turns about an axis 7\.\d* mm from the centre of its head, a sphere with a radius of 2[34]",
+    ),
     "frames missing from the motion": (
         lambda s: hinged(s, angles=[0, 2, 4, 6, 26, 28, 30, 32]), False,
         r"the bones jump from frame 3 to frame 4, by 20 degrees: the step is 9\.\d times as large",

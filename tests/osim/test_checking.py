@@ -1,5 +1,6 @@
 """Muscles of models that jump, and moment arms that change sign: known answers."""
 
+import contextlib
 import importlib.util
 import json
 
@@ -101,6 +102,32 @@ def test_a_model_is_repaired_with_the_paths_of_a_scene(ran, tmp_path):
     assert {name: new.parameters[name] for name in properties} == pytest.approx(properties)
     assert not [one for one in check_model(tmp_path / "new.osim").findings if one.what == "length jumps"]
     refused(*call)  # replaces what?
+
+
+def test_a_stopped_check_keeps_the_coordinates_that_are_swept(tmp_path, monkeypatch):
+    joints = [*TREE.joints, Joint("ankle", "shank", "foot", [JointAxis((0, 0, 1), IDENTITY, "plantar")])]
+    tree = KinematicTree("thigh", joints, [*TREE.coordinates, JointCoordinate("plantar", range=(-0.5, 1.5))])
+    bodies = [("thigh", 0.3), ("shank", -0.1)], [("shank", 0.3), ("foot", -0.1)]
+    paths = [PointPath([PathPoint(body, (0, at, 0)) for body, at in ends]) for ends in bodies]
+    model = tmp_path / "leg.osim"
+    model.write_text(osim_of(tree, [MuscleOut(*each) for each in zip("ab", paths, strict=True)]))
+    parts = []
+    assert {each.coordinate for each in check_model(model, progress=parts.append).findings} == set(tree.free)
+    assert parts[0] == 0.5
+    assert parts[-1] == 1.0
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        check_model(model, progress=stop)
+    kept = check_model(model, progress=stop, partial=True)
+    assert {each.coordinate for each in kept.findings} == {"flexion"}
+    assert kept.evaluated == {"a"}
+    assert "stopped, coordinates not swept: plantar" in repr(kept)
+    monkeypatch.setattr("vtkmuscle.cli.running.progress_bars", lambda **_: contextlib.nullcontext(stop))
+    vtkmuscle_("check", model, "--out", tmp_path / "leg.html", status=130)
+    assert "a,flexion,moment arm changes sign" in (tmp_path / "leg.csv").read_text()
 
 
 @pytest.mark.slow

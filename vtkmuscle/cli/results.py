@@ -8,6 +8,7 @@ from importlib.util import find_spec
 from json import dumps
 from math import inf
 from pathlib import Path
+from signal import SIGINT
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -140,6 +141,7 @@ def check(
     """
     if model.suffix.lower() == ".toml":
         raise InputError(model, "this is no model of muscles", "a run checks a scene: vtkmuscle run")
+    from vtkmuscle.cli.running import progress_bars
     from vtkmuscle.opensim import check_model
     from vtkmuscle.opensim.model import own_name
 
@@ -156,7 +158,8 @@ def check(
         for new in vtkmuscle.export(scene, repair, into=model, replace=theirs, overwrite=overwrite):
             typer.echo(f"{new.out.name}: {new}", err=options.json)
         model = repair
-    checked = check_model(model)
+    with progress_bars(quiet=options.json) as bars:
+        checked = check_model(model, progress=partial(bars, model.name, "sweeping"), partial=True)
     with pages:
         table = checked.write(page)
     if options.json:
@@ -164,6 +167,8 @@ def check(
     else:
         _say(checked)
         typer.echo(f"wrote {page}, {table}")
+    if checked.left:
+        raise typer.Exit(128 + SIGINT)  # as in shells
     if options.fail_above is None:
         return
     if not (evaluated := checked.evaluated.intersection(checked.model.muscles or checked.model.paths)):

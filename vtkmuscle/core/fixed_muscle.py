@@ -10,6 +10,10 @@ from vtkmuscle.core.types import Floats, Ints
 Lines = tuple[Floats, Ints]
 
 
+#: Via rings, each with the number of its bone.
+BoneRings = tuple[tuple[int, ViaRing], ...]
+
+
 class FixedMuscle(NamedTuple):
     """A muscle at rest, with fixed points and fibres."""
 
@@ -17,8 +21,8 @@ class FixedMuscle(NamedTuple):
     triangles: Ints  # (m, 3), a closed surface that faces outward
     fixed_to: Ints  # (n,), index of the bone each point is fixed to, -1 for free points
     fibres: Lines | None = None
-    #: Via rings that the fibres pass through, each with its bone.
-    rings: tuple[tuple[int, ViaRing], ...] = ()
+    #: That the fibres pass through.
+    rings: BoneRings = ()
 
     def topology(self) -> MeshTopology:
         """Return the surface's edges; a surface without volume raises a ValueError."""

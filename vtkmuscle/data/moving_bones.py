@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone, bone_of
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fixed_muscle import FixedMuscle
+from vtkmuscle.core.fixed_muscle import BoneRings, FixedMuscle
 from vtkmuscle.core.motion.rigid import are_rigid
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import Polylines, blocks_of, checked_surface, field_array, names_of
@@ -94,12 +94,16 @@ def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
 
 
 def fixed_muscle(
-    muscle: Surface, bones: Sequence[str], fibres: Polylines | None, *, driven: bool = False, **rings: Any
-) -> FixedMuscle:
-    """Return a muscle at rest. InputError if nothing moves it, or bones tear it; rings mean paths alone."""
+    muscle: Surface, bones: Sequence[str], fibres: Polylines | None, rings: BoneRings | None = None, *,
+    driven: bool = False,
+) -> FixedMuscle:  # fmt: skip
+    """Return a muscle at rest. InputError if nothing moves it, or if bones tear it.
+
+    A muscle with ``rings``, even with none of them, is for paths alone, and nothing tears.
+    """
     lines = None if fibres is None else (fibres.points, fibres.offsets)
-    fixed = FixedMuscle(muscle.points, muscle.triangles, fixed_points_of(muscle, bones), lines, **rings)
-    torn = not rings and -1 < fixed.fixed_to.min() < fixed.fixed_to.max()
+    fixed = FixedMuscle(muscle.points, muscle.triangles, fixed_points_of(muscle, bones), lines, rings or ())
+    torn = rings is None and -1 < fixed.fixed_to.min() < fixed.fixed_to.max()
     if torn or ((fixed.fixed_to < 0).all() and not driven):
         problem = "no point is fixed to a bone, so the muscle would not move"
         problem = "all points are fixed, to several bones, so the muscle would tear" if torn else problem

@@ -70,8 +70,9 @@ class FibreSource(Filter):
     ------
     ValueError
         If the muscle is not closed; if there are neither aponeuroses nor attachments of both roles; if the
-        two areas are the same; if an aponeurosis is far from the muscle, covers the muscle, or overlaps the
-        other, or the two are exchanged; if ``course="sections"`` is combined with aponeuroses.
+        two areas share more than half of the points of the larger one; if an aponeurosis is far from the
+        muscle, covers the muscle, or overlaps the other, or the two are exchanged; if ``course="sections"``
+        is combined with aponeuroses.
 
     References
     ----------

@@ -155,7 +155,7 @@ class TautPaths(Filter):
         rest_bones.check_same(bones)
         names = list(rest_bones.surfaces)
         rings = rings_by_bone(attachments, names, "attachments")
-        fixed = fixed_muscle(rest_muscle, names, rest_fibres, rings=rings)
+        fixed = fixed_muscle(rest_muscle, names, rest_fibres, rings)
         kept = self.once("paths", (fixed, rest_bones.shapes, self.resolution, self.n_paths), _paths_at_rest)
         if kept is None:
             return vtkPolyData()

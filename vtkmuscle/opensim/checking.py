@@ -7,23 +7,19 @@ from dataclasses import dataclass
 from itertools import chain
 from os import PathLike
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import Floats, Ints, Progress, quiet
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.anatomy import side_of, stem_of
-from vtkmuscle.io.writing import write_text
-from vtkmuscle.io.xml_elements import xml_text
-from vtkmuscle.joints.osim import FURTHER, NOT_USED, OFFSET
 from vtkmuscle.joints.tree import HALF_STEP, JointCoordinate
 from vtkmuscle.labels.draft import HUMAN, SMALLEST
+from vtkmuscle.opensim.by_opensim import Lengths, opensim_lengths
 from vtkmuscle.opensim.mjcf import MujocoModel, read_mjcf
 from vtkmuscle.opensim.model import OsimModel, read_osim
-from vtkmuscle.opensim.osim_text import model_tree
 from vtkmuscle.report.page import Section, shown_rows, svg_curve, write_sections
 from vtkmuscle.run.table import Table
 
@@ -31,13 +27,12 @@ _LIMITS = toml_table("vtkmuscle.opensim", "checks.toml")
 POSES, SWEEPS = _LIMITS["poses"], _LIMITS["sweeps"]
 #: Kinds of findings, the worst first, and the smallest reported size [m].
 KINDS: dict[str, float] = _LIMITS["kinds"]
+JUMP, ARM_JUMP, SIGN, *LEFT_FIBRES, SIDES = KINDS
 #: Columns of the table of findings.
 COLUMNS = ("muscle", "coordinate", "what", "size_mm", "at", "unit", "sweeps", "pose")
 #: Parts that would have been swept, but have no path.
 _FORCES = ("ForceSet", "actuator", "tendon")
 FIBRES_OUTSIDE = "fibres leave 0.5 to 1.6 of optimal"
-#: Lengths of muscles (f,) for values of coordinates (f,).
-Lengths = Callable[[Sequence[str], Mapping[str, Floats]], dict[str, Floats]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +70,7 @@ class ModelCheck:
 
     Paths that wind round surfaces are ``by_opensim``, evaluated by OpenSim, or ``not_checked`` without
     OpenSim. ``not_swept`` are coordinates that are locked or without a range, ``still`` paths that no swept
-    coordinate moves.
+    coordinate moves. ``left`` are coordinates that a stopped check left out.
     """
 
     model: OsimModel
@@ -84,6 +79,7 @@ class ModelCheck:
     not_checked: tuple[str, ...]
     not_swept: tuple[str, ...] = ()
     still: tuple[str, ...] = ()
+    left: tuple[str, ...] = ()
 
     @property
     def evaluated(self) -> set[str]:
@@ -104,6 +100,7 @@ class ModelCheck:
             (self.not_checked, "not evaluated (wrapping needs OpenSim)"),
             (self.still, "not evaluated (no coordinate is swept)"),
             (self.not_swept, "coordinates locked or without a range, not swept"),
+            (self.left, "the check was stopped, coordinates not swept"),
             ([part for part in self.model.not_used if part.startswith(_FORCES)], "left out"),
         ):
             words += f"; {why}: {', '.join(names)}" if names else ""
@@ -114,6 +111,7 @@ class ModelCheck:
         model, left = self.model, (*self.not_checked, *self.still)
         parts = {"muscles": model.muscles, "ligaments": model.ligaments, "by_opensim": self.by_opensim}
         parts |= {"not_evaluated": left, "coordinates_not_swept": self.not_swept, "not_used": model.not_used}
+        parts |= {"coordinates_left": self.left}
         lists = {name: list(names) for name, names in parts.items()}
         findings = [dict(zip(COLUMNS, f.row, strict=True)) | {"pose": f.pose} for f in self.findings]
         return {"model": model.name, **lists, "findings": findings}
@@ -136,12 +134,16 @@ class ModelCheck:
         return self.table().to_csv(page.with_suffix(".csv"), digits=6)
 
 
-def check_model(path: str | PathLike[str]) -> ModelCheck:
+def check_model(
+    path: str | PathLike[str], *, progress: Progress = quiet, partial: bool = False
+) -> ModelCheck:
     """Check the muscles of an .osim or MJCF (.xml) model over the crossed coordinates.
 
     Lengths of point paths and polynomials are computed here, lengths with wrapping surfaces by OpenSim if
     installed, lengths of MJCF by MuJoCo. The result has jumps of lengths and moment arms, and sign changes of
-    moment arms. A coordinate that is locked or without a range is not swept.
+    moment arms. A coordinate that is locked or without a range is not swept. ``progress`` is called with the
+    finished part, 0 to 1. A KeyboardInterrupt ends the check; a ``partial`` check then gives the findings of
+    the swept coordinates.
 
     Raises
     ------
@@ -153,16 +155,31 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
         raise InputError(Path(path), "the model has no muscles or ligaments", "give a model with muscles")
     wound = {} if isinstance(model, MujocoModel) else model.paths
     winding = [name for name, each in wound.items() if getattr(each.path, "wraps", ())]
-    by_opensim = _opensim_lengths(Path(path), model, winding) if winding else None
+    by_opensim = opensim_lengths(Path(path), model, winding) if winding else None
     swept = {each.name for each in model.tree.coordinates if _span(each)}
     crossed = {name: set(each.path.coordinates(model.tree)) for name, each in model.paths.items()}
     unswept = set().union(*crossed.values()) - swept
     plain = [name for name in crossed if name not in winding]
     longest = 1000.0 * max((float(length[0]) for length in model.lengths(plain, {}).values()), default=HUMAN)
     scale = 1.0 if longest >= SMALLEST else longest / HUMAN  # of small animals
-    findings = list(_findings(model, plain, model.lengths, scale))
-    if by_opensim is not None:
-        findings += _findings(model, winding, by_opensim, scale)
+
+    def lengths(muscles: Sequence[str], values: Mapping[str, Floats]) -> dict[str, Floats]:
+        theirs = [name for name in muscles if name in winding]
+        ours = model.lengths([name for name in muscles if name not in winding], values)
+        return ours | (by_opensim(theirs, values) if by_opensim is not None and theirs else {})
+
+    evaluated = plain if by_opensim is None else list(crossed)
+    moving = {q: [name for name in evaluated if q in crossed[name]] for q in model.tree.free if q in swept}
+    crossing = {q: names for q, names in moving.items() if names}
+    findings, left = list[PathFault](), list(crossing)
+    try:
+        for faults in _findings(model, crossing, lengths, scale):
+            findings += faults
+            del left[:1]
+            progress(1.0 - len(left) / max(len(crossing), 1))
+    except KeyboardInterrupt:
+        if not partial:
+            raise
     findings.sort(key=_worst_first)
     worst = {each.muscle: _worst_first(each) for each in reversed(findings)}
     once = {(each.muscle, each.what): each for each in reversed(findings)}  # of a fibre one coordinate tells
@@ -170,8 +187,8 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
     findings.sort(key=lambda each: (worst[each.muscle], each.muscle, _worst_first(each)))
     theirs, not_checked = ((), tuple(winding)) if by_opensim is None else (tuple(winding), ())
     not_swept = tuple(name for name in model.tree.free if name in unswept)
-    still = tuple(name for name, names in crossed.items() if not names & swept)
-    return ModelCheck(model, tuple(findings), theirs, not_checked, not_swept, still)
+    still = tuple(name for name, names in crossed.items() if not names & (swept - {*left}))
+    return ModelCheck(model, tuple(findings), theirs, not_checked, not_swept, still, tuple(left))
 
 
 #: The name in the package itself.
@@ -183,24 +200,24 @@ def _worst_first(finding: PathFault) -> tuple[int, float]:
 
 
 def _findings(
-    model: OsimModel, muscles: Sequence[str], lengths: Lengths, scale: float
-) -> Iterator[PathFault]:
-    """Yield the faults of muscles; the least reported sizes scale with the body."""
+    model: OsimModel, crossing: Mapping[str, Sequence[str]], lengths: Lengths, scale: float
+) -> Iterator[list[PathFault]]:
+    """Yield faults by coordinate, and those of the sides at last.
+
+    The least reported sizes scale with the body.
+    """
     tree, least = model.tree, {what: scale * size for what, size in KINDS.items()}
     sides: dict[tuple[str, str], dict[str | None, Any]] = {}
-    crossed = {name: model.paths[name].path.coordinates(tree) for name in muscles}
     free = [coordinate for coordinate in tree.coordinates if coordinate.name in tree.free]
     angles = {coordinate.name for coordinate in free if coordinate.is_angle}
     random = np.random.default_rng(0)
-    for swept in free:
-        crossing = [muscle for muscle in muscles if swept.name in crossed[muscle]]
-        if not crossing or (span := _span(swept)) is None:
-            continue
-        sweep = np.linspace(*span, POSES)
+    for swept in (coordinate for coordinate in free if coordinate.name in crossing):
+        faults: list[PathFault] = []
+        sweep = np.linspace(*(_span(swept) or (swept.rest, swept.rest)), POSES)
         fixed = {coordinate.name: _fixed_values(coordinate, random) for coordinate in free}
         values = {name: np.repeat(column, POSES) for name, column in fixed.items()}
         values[swept.name] = np.tile(sweep, SWEEPS)
-        for muscle, column in lengths(crossing, values).items():
+        for muscle, column in lengths(crossing[swept.name], values).items():
             table = column.reshape(SWEEPS, POSES)
 
             def length(sweeps: Ints, at: Floats, muscle: str = muscle) -> Floats:
@@ -217,12 +234,15 @@ def _findings(
                 if not (real := sizes > least[what]).any():
                     continue
                 i = int(np.where(real, sizes, 0.0).argmax())
-                pose = {name: fixed[name][sweeps[i]] for name in crossed[muscle]} | {swept.name: at[i]}
+                names = model.paths[muscle].path.coordinates(tree)
+                pose = {name: fixed[name][sweeps[i]] for name in names} | {swept.name: at[i]}
                 pose = {name: float(np.degrees(at) if name in angles else at) for name, at in pose.items()}
                 size, part = float(sizes[i]), len(np.unique(sweeps[real])) / SWEEPS
-                yield PathFault(muscle, swept.name, what, size, pose, unit, part, axis, arms[sweeps[i]])
-    for pair in sides.values():
-        yield from (fault for fault in _sides_apart(pair) if fault.size > least[fault.what])
+                of = muscle, swept.name, what
+                faults.append(PathFault(*of, size, pose, unit, part, axis, arms[sweeps[i]]))
+        yield faults
+    both = (fault for pair in sides.values() for fault in _sides_apart(pair))
+    yield [fault for fault in both if fault.size > least[fault.what]]
 
 
 def _sides_apart(sides: Mapping[str | None, Any]) -> Iterator[PathFault]:
@@ -235,7 +255,7 @@ def _sides_apart(sides: Mapping[str | None, Any]) -> Iterator[PathFault]:
         shared = (at >= theirs[0]) & (at <= theirs[-1])
         off = np.where(shared, np.abs(arms - np.interp(at, theirs, others)), 0.0)
         where, size = {coordinate: float(at[off.argmax()])}, float(off.max())
-        yield PathFault(muscle, coordinate, [*KINDS][5], size, where, unit, 1.0 / SWEEPS, at, arms)
+        yield PathFault(muscle, coordinate, SIDES, size, where, unit, 1.0 / SWEEPS, at, arms)
 
 
 def _span(coordinate: JointCoordinate) -> tuple[float, float] | None:
@@ -260,7 +280,6 @@ def _faults(
     ``length`` returns lengths (k,) in sweeps (k,) at values (k,); ``lengths`` (s, n) are those at the swept
     values (n,), ``least`` the smallest reported sizes.
     """
-    (jump, least_jump), (arm_jump, least_arm_jump), (sign, least_arm) = list(least.items())[:3]
     step, away = values[1] - values[0], _LIMITS["arm_distance"]
     steps = np.diff(lengths, axis=1)
     arms, middles = -steps / step, (values[1:] + values[:-1]) / 2.0
@@ -272,26 +291,26 @@ def _faults(
     bends = np.abs(np.diff(steps, axis=1))
     nearby = np.pad(bends, ((0, 0), (1, 1)))
     jumped = np.zeros(steps.shape, dtype=np.bool_)
-    sweeps, columns = np.nonzero(np.maximum(nearby[:, 1:], nearby[:, :-1]) > least_jump / 2.0)
+    sweeps, columns = np.nonzero(np.maximum(nearby[:, 1:], nearby[:, :-1]) > least[JUMP] / 2.0)
     if len(sweeps):
         ends = values[columns], values[columns + 1]
         sizes, at = _halved(length, sweeps, ends, _neighbour_mean(steps)[sweeps, columns] / step)
-        jumped[sweeps, columns] = sizes > least_jump
-        yield jump, sizes, sweeps, at
-    sweeps, columns = np.nonzero((bends / step > least_arm_jump) & ~(jumped[:, 1:] | jumped[:, :-1]))
+        jumped[sweeps, columns] = sizes > least[JUMP]
+        yield JUMP, sizes, sweeps, at
+    sweeps, columns = np.nonzero((bends / step > least[ARM_JUMP]) & ~(jumped[:, 1:] | jumped[:, :-1]))
     if len(sweeps):
         slopes = _neighbour_mean(np.diff(arms, axis=1))[sweeps, columns] / step
         _, at = _halved(arm, sweeps, (middles[columns], middles[columns + 1]), slopes)
         change = np.abs(arm(sweeps, at + away) - arm(sweeps, at - away))
         # A jump of the slope appears at most twice in neighbouring steps; an excess is noise.
-        yield arm_jump, np.minimum(change, 2.0 * bends[sweeps, columns] / step), sweeps, at
+        yield ARM_JUMP, np.minimum(change, 2.0 * bends[sweeps, columns] / step), sweeps, at
     calm = np.where(jumped, 0.0, arms)
     sizes = np.minimum(calm.max(axis=1), -calm.min(axis=1))
-    sweeps = np.flatnonzero(sizes > least_arm)
+    sweeps = np.flatnonzero(sizes > least[SIGN])
     if len(sweeps):
         moving = [(row != 0.0, np.sign(row)) for row in calm[sweeps]]
         at = np.array([middles[some][np.flatnonzero(np.diff(signs[some]))[0]] for some, signs in moving])
-        yield sign, sizes[sweeps], sweeps, at
+        yield SIGN, sizes[sweeps], sweeps, at
 
 
 def _fibre_faults(
@@ -308,7 +327,7 @@ def _fibre_faults(
     thickness = optimal * np.sin(parameters.get("pennation_angle_at_optimal", 0.0))
     fibres = np.copysign(np.hypot(along, thickness), along)
     low, high = (part * optimal for part in _LIMITS["fibres"])
-    for what, sizes in zip([*KINDS][3:5], (fibres - high, low - fibres), strict=True):
+    for what, sizes in zip(LEFT_FIBRES, (fibres - high, low - fibres), strict=True):
         columns, rows = sizes.argmax(axis=1), np.arange(len(sizes))
         yield what, sizes[rows, columns], rows, values[columns]
 
@@ -336,47 +355,3 @@ def _halved(
         low, first = np.where(upper, middle, low), np.where(upper, now, first)
         high, last = np.where(upper, high, middle), np.where(upper, last, now)
     return np.abs(last - first), (low + high) / 2.0
-
-
-def _opensim_lengths(path: Path, model: OsimModel, names: Sequence[str]) -> Lengths | None:
-    """Return the function that gets lengths of paths from OpenSim, None without OpenSim.
-
-    All further forces and parts, maybe of plugins, are removed beforehand. Coupled coordinates are set here:
-    OpenSim's search for consistent coordinates would take a hundred times as long.
-    """
-    try:
-        import opensim  # noqa: PLC0415 -- an extra
-    except ImportError:
-        return None
-    opensim.Logger.removeFileSink()  # no log in the working folder
-    opensim.Logger.setLevelString("error")
-    root = model_tree(path)
-    for tag in ("ForceSet/objects", *(f"{tag}/objects" for tag in (*NOT_USED, FURTHER[0])), FURTHER[1]):
-        kept = names if tag.startswith("ForceSet") else ()
-        if (holder := root.find(f"Model/{tag}")) is not None:
-            holder[:] = [each for each in holder if each.tag == OFFSET or each.get("name") in kept]
-    with TemporaryDirectory() as folder:
-        write_text(Path(folder) / path.name, xml_text(root, indented=False))
-        try:
-            theirs = opensim.Model(str(Path(folder) / path.name))
-            state = theirs.initSystem()
-        except RuntimeError as error:
-            problem = f"OpenSim does not read the model: {error}"
-            raise InputError(path, problem, "correct the model") from error
-    coordinates = theirs.updCoordinateSet()
-    geometries = map(opensim.AbstractGeometryPath.safeDownCast, theirs.getComponentsList())
-    paths = {each.getOwner().getName(): each for each in geometries if each is not None}
-    for coordinate in model.tree.coordinates:
-        coordinates.get(coordinate.name).setLocked(state, False)
-
-    def lengths(muscles: Sequence[str], values: Mapping[str, Floats]) -> dict[str, Floats]:
-        columns = [(coordinates.get(name), column) for name, column in model.tree.completed(values).items()]
-        table = np.empty((len(columns[0][1]), len(muscles)))
-        for row in range(len(table)):
-            for coordinate, column in columns:
-                coordinate.setValue(state, float(column[row]), False)
-            theirs.realizePosition(state)
-            table[row] = [paths[name].getLength(state) for name in muscles]
-        return dict(zip(muscles, table.T, strict=True))
-
-    return lengths

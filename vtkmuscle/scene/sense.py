@@ -3,19 +3,21 @@
 import re
 import warnings
 from collections.abc import Iterator, Mapping
-from itertools import combinations, product
+from itertools import combinations, permutations, product
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.attachments.patches import ring_length, short_ring
 from vtkmuscle.core.bones.bone import Bone, bone_of
+from vtkmuscle.core.bones.joint_fits import head_in
 from vtkmuscle.core.mesh.sampling import samples_inside
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import diagonal, mean_thickness, signed_volume
 from vtkmuscle.core.moment_arms.levers import largest_turns, twists_by
 from vtkmuscle.core.motion.coordinates import ANGLES, MILLIMETRES
-from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.core.motion.rigid import apply_transform, inverse, inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.anatomy import JOINTS, has_word
@@ -70,6 +72,7 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     yield from _coordinates(scene)
     yield from _steps(scene, anatomy)
     yield from _gaps(scene, anatomy)
+    yield from _heads(scene, anatomy)
 
 
 def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
@@ -310,6 +313,25 @@ def _gaps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
                 words: dict[str, Any] = {"bone": bone, "other": other, "how": how, "frame": chosen[worst - 1]}
                 certain, change = change > limits["torn"] * size, change * scene.millimetres
                 yield _finding("gap", "motion", certain=certain, change=change, **words)
+
+
+def _heads(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
+    """Yield bones that do not turn about the centre of their head."""
+    still, limits = np.tile(np.eye(4), (len(scene.motion.times), 1, 1)), CHECKS["head"]
+    for bone, socket in permutations(anatomy.solid_bones, 2):
+        own, theirs = (scene.motion.transforms.get(name, still) for name in (bone, socket))
+        moves = inverses(theirs) @ own
+        turns = Rotation.from_matrix(moves[:, :3, :3]).magnitude()
+        move, turn = moves[turns.argmax()], float(turns.max())
+        if np.degrees(turn) < limits["turn"]:
+            continue
+        head = head_in(anatomy.solid_bones[bone], anatomy.solid_bones[socket])
+        if head is None or head.confidence < CHECKS["estimate"]["confidence"]:
+            continue
+        off = np.linalg.norm(apply_transform(move, head.centre) - head.centre) / (2.0 * np.sin(turn / 2.0))
+        if off > limits["part"] * head.radius:
+            sizes = {"off": off * scene.millimetres, "radius": head.radius * scene.millimetres}
+            yield _finding("head", "motion", bone=bone, **sizes)
 
 
 def _gap(anatomy: Anatomy, bone: str, other: str, moved: Floats) -> float:

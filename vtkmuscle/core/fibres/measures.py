@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from scipy.cluster.vq import kmeans2
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.normals import angles_between, unit_vectors
@@ -64,6 +63,8 @@ def group_fibres(lengths: Floats, count: int) -> Ints:
     K-means of the changes of length about their means: fibres of a group have equal moment arms, whatever
     their lengths. Few or similar fibres give fewer groups.
     """
+    from scipy.cluster.vq import kmeans2  # noqa: PLC0415 -- few need it, and it takes a while to load
+
     changes = (lengths - lengths.mean(axis=0)).T
     count = max(1, min(count, len(np.unique(changes.round(12), axis=0))))
     if count == 1:

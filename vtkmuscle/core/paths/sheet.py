@@ -39,8 +39,9 @@ LARGEST_MOVE = 8.0
 #: comes to another equilibrium, 10 mm off.
 LOOSER = 100.0
 
-#: The drift with which paths begin in a new pose, in drifts of the pose before, at most. Without the bound
-#: levers of a hip change by up to 0.1 mm.
+#: Paths begin in a new pose with the drift of the pose before, in proportion to the move of their ends; with
+#: none where the ends move by more than so many times as much. Without the bound levers of a hip change by up
+#: to 0.1 mm.
 LARGEST_DRIFT = 2.0
 
 
@@ -226,7 +227,7 @@ class MusclePaths:
         """
         ends_moved, last = self._ends_moved(before.transforms, transforms), before.ends_moved
         again = float(np.vdot(last, ends_moved)) / (float(np.vdot(last, last)) or math.inf)
-        again = max(-LARGEST_DRIFT, min(again, LARGEST_DRIFT))
+        again = again if abs(again) <= LARGEST_DRIFT else 0.0
         moves = transforms @ inverses(before.transforms)
         ends = self.start_bones, self.end_bones
         carried = with_bones(before.points, *ends, moves)

@@ -186,10 +186,10 @@ def tissue_between(
     inside = depth > SAME * float(np.ptp(at, axis=0).max())
     going = np.flatnonzero(sure & inside)
     while len(going):
-        # No surface is nearer than the depth: go on by that much.
+        # No surface is nearer than the depth: go on by that much, and stay inside.
         walked[going] += depth[going]
         going = going[walked[going] < distance[going]]
-        depth[going] = muscle.depth(at[going] + walked[going, None] * aside[going])
+        depth[going] = muscle.nearest(at[going] + walked[going, None] * aside[going])[2]
         going = going[depth[going] > 1e-4 * walked[going]]
     thickness = np.where(sure, walked, nearest).reshape(shape)
     for fibre, measured in zip(thickness, (sure & inside).reshape(shape), strict=True):

@@ -250,7 +250,8 @@ class PBDSolver:
             if settings.finish:
                 held |= self._exact.finish(p[:-1], keep_out)
             velocities = (p[:-1] - x) / dt
-        velocities[held & (settings.contact_velocity == "zero")] = 0.0
+        if settings.contact_velocity == "zero":
+            velocities[held] = 0.0
         return self._state(p[:-1], transforms, held, velocities)
 
     def _start(self, x: Floats, before: Floats, now: Floats, keep_out: KeepOut) -> Floats:
