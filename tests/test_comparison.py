@@ -36,7 +36,8 @@ class Made:
         arms = JointArms(
             *(self.coordinate, self.unit, "", np.arange(len(rows))),
             *(self.angles if self.unit == "deg" else np.radians(self.angles), np.ones(len(rows))),
-            *(np.zeros(len(rows)), rows, rows, None, None),
+            *(np.zeros((2, len(rows)))),
+            *(rows, rows, None, None),
         )
         self.report["muscles"][self.muscle]["moment_arms"] = {self.coordinate: {}}
         self.all_arms = {self.muscle: {self.coordinate: arms}}

@@ -32,8 +32,10 @@ def checked_superficial(data: vtkPolyData, where: str) -> Polylines:
 REST_POSITION = "RestPosition"
 #: Cell arrays of paths, and of fibres with path data.
 SQUEEZED, SAG, LEVER, BOW, BOW_LEVER = "Squeezed", "Sag", "Lever_", "Bow", "BowLever_"
-#: Cell array of paths, and field arrays; lengths and levers of an unsettled sheet are NaN.
-LENGTH, REST_LENGTH, UNSETTLED, PATH_STEPS = "Length", "RestLength", "Unsettled", "PathSteps"
+#: Cell arrays of paths.
+LENGTH, REST_LENGTH = "Length", "RestLength"
+#: Field arrays of paths; lengths and levers of an unsettled sheet are NaN.
+UNSETTLED, PATH_STEPS, PASSED = "Unsettled", "PathSteps", "Passed"
 #: Cell arrays of fibres with path data.
 PATH_LENGTH, PATH_REST, PATH_POINTS = "PathLength", "PathRestLength", "PathPoints"
 

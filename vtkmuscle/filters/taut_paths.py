@@ -95,8 +95,9 @@ class TautPaths(Filter):
         ``Lever_COORDINATE``, moment arm for each coordinate of the bones' twists [mm], ``Bow`` [mm] and
         ``BowLever_COORDINATE``, parts of length and lever beyond those of the straight line, for paths off
         the bones that bent them at rest (:mod:`vtkmuscle.core.paths.bows`); the field arrays
-        ``Unsettled``, 1 if the sheet did not come to rest, here or at rest, and ``PathSteps``, steps of
-        Newton's method. Lengths, ratios and levers of an unsettled sheet are NaN.
+        ``Unsettled``, 1 if the sheet did not come to rest, here or at rest, ``PathSteps``, steps of Newton's
+        method, and ``Passed``, share of the paths that have passed through a bone since rest. Lengths, ratios
+        and levers of an unsettled sheet are NaN.
 
     Raises
     ------
@@ -181,6 +182,7 @@ class TautPaths(Filter):
         cells |= {name: values if settled else np.full(count, np.nan) for name, values in measures.items()}
         cells["RestLength"], rest_points = rest.lengths, {stored.REST_POSITION: rest.paths.reshape(-1, 3)}
         fields = {stored.UNSETTLED: int(not settled), stored.PATH_STEPS: state.steps}
+        fields |= {stored.PASSED: state.passed.mean()}
         return add_arrays(result, points=rest_points, cells=cells, fields=fields)
 
 

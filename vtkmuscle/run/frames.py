@@ -224,6 +224,12 @@ class MuscleTrack:
         unknown = np.nan if self.report.get("via_rings") else 1.0
         return np.asarray(unknown * np.mean(self.lengths, axis=1) / self.rest_lengths.mean())
 
+    @property
+    def sags(self) -> Floats:
+        """Depths (f,) of the paths' straight segments in bones [mm], 0 without measured frames."""
+        rows = self.report["frames"] or [{}] * len(self.lengths)
+        return np.array([row.get("sag_p95_mm", 0.0) for row in rows])
+
     def errors(self) -> dict[str, Floats]:
         """Return the errors (f,) of the mean change of path length since rest [mm], and their parts."""
         if not self.lengths:

@@ -18,7 +18,7 @@ from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data import arrays
 from vtkmuscle.data.attachments import VIA
-from vtkmuscle.data.paths import PATH_STEPS, SAG, SQUEEZED, UNSETTLED, path_lines_of, paths_of
+from vtkmuscle.data.paths import PASSED, PATH_STEPS, SAG, SQUEEZED, UNSETTLED, path_lines_of, paths_of
 from vtkmuscle.filters import Filter, PathDeformer, PBDDeformer, TautPaths
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.running import upstream
@@ -286,7 +286,7 @@ class MuscleRun:
 
 
 #: Columns of a frame in the report, and the field arrays of paths that they are from.
-_SETTLING = {"unsettled": UNSETTLED, "path_steps": PATH_STEPS}
+_SETTLING = {"unsettled": UNSETTLED, "path_steps": PATH_STEPS, "passed_paths": PASSED}
 
 
 def muscle_pipeline(
@@ -316,13 +316,13 @@ def muscle_pipeline(
     return MusclePipeline(muscle.surface, bones, motion, areas, neighbours=neighbours, **settings)
 
 
-def _settling(pipeline: MusclePipeline) -> dict[str, int]:
-    """Return whether the paths of the last frame failed to settle, and their steps; empty without paths."""
+def _settling(pipeline: MusclePipeline) -> dict[str, float]:
+    """Return the columns of :data:`_SETTLING` of the last frame; empty without paths."""
     if pipeline.taut_paths is None:
         return {}
     output = pipeline.taut_paths.GetOutputDataObject(0)
     values = {name: arrays.field_array(output, of) for name, of in _SETTLING.items()}
-    return {name: int(value[0]) for name, value in values.items() if value is not None}
+    return {name: value[0].item() for name, value in values.items() if value is not None}
 
 
 def _add_penetration(

@@ -218,6 +218,7 @@ class ResultData(ByName):
                     levers, bows = track.levers(), levers_over_time(track.bows)
                     levers = {name: MILLIMETRES[self.units] * lever for name, lever in levers.items()}
                     options: dict[str, Any] = {"crossed": crossed, "ratios": track.ratios, "bows": bows}
+                    options["sags"] = track.sags
                     track.arms[coordinates] = joint_arms(lengths, levers, motion, wanted, **options)
                 arms[name], without = track.arms[coordinates]
             except InputError as error:  # of this muscle alone, where others cross other coordinates

@@ -123,7 +123,7 @@ def _series(
     missing = {"penetration": "no bone has an inside", "widespread penetration": "no bone has an inside"}
     missing |= dict.fromkeys(("jumps", "widespread jumps"), "no step has three even steps beside it")
     if not track.lengths:
-        of_paths = "squeezed", "coarse", "hooked paths", "unsettled"
+        of_paths = "squeezed", "coarse", "passed paths", "hooked paths", "unsettled"
         missing |= dict.fromkeys(of_paths, "there are no paths; a table [paths] adds them")
     if rest_lengths is None or not track.fibre_lengths:
         needing = (name for name, check in CHECKS.items() if check.of_fibres or check.at_rest)

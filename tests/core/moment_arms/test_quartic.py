@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.moment_arms.of_joints import quartic_moment_arms
+from vtkmuscle.core.moment_arms.of_joints import joint_arms, quartic_moment_arms
+from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.phantoms.one_hinge import RADIUS, THICKNESS, strap_length
 
 
@@ -20,6 +22,20 @@ def test_a_quartic_is_exact_for_a_quartic():
     arms, residuals = quartic_moment_arms(lengths, q, at=np.array([0.0, 0.5]))
     np.testing.assert_allclose(arms[:, 0], [-1.0, -(1 - 3.0 + 1.0)], atol=1e-9)
     assert residuals.max() < 1e-9
+
+
+@pytest.mark.parametrize(("unit", "sag"), [("deg", 0.8), ("mm", 0.0)])
+def test_the_sag_of_segments_is_a_part_of_the_error_of_an_angle(unit, sag):
+    q = np.arange(0.0, 60.0, 10.0)
+    coordinate = Coordinate(q, unit)
+    motion = RigidMotion(q, {"bone": np.tile(np.eye(4), (6, 1, 1))}, None, {"q": coordinate})
+    lengths = 90.0 - 20.0 * coordinate.natural[:, None] + [-1.0, 0.0, 1.0]
+    options = {"ratios": 1.0, "sags": 0.8}
+    (arms, _), (without, _) = (
+        joint_arms(lengths, {"q": np.full((6, 3), 20.0)}, motion, **settings)
+        for settings in (options, options | {"sags": 0.0})
+    )
+    np.testing.assert_allclose(arms["q"].errors["numerical"] - without["q"].errors["numerical"], sag)
 
 
 def test_few_values_are_refused():

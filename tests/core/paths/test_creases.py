@@ -55,6 +55,29 @@ def test_a_sheet_in_the_groove_of_a_pulley_comes_to_rest():
         assert state.settled
 
 
+@pytest.mark.parametrize(
+    ("radius", "points", "step", "passes"),
+    [(6.0, 17, 10, 1.0), (8.0, 17, 30, 1.0), (5.0, 33, 10, 1.0), (16.0, 33, 60, 0.0), (16.0, 33, 10, 0.0)],
+)
+def test_paths_that_pass_through_a_thin_bone_say_so(radius, points, step, passes):
+    """A rod slips between the points of a path, at once or slowly; a thick one does not."""
+    place = np.stack(np.meshgrid([-2.0, 0.0, 2.0], [-0.5, 0.5], indexing="ij"), axis=-1).reshape(-1, 1, 2)
+    along = np.linspace(-200.0, 200.0, points)[None, :, None]
+    fibres = np.concatenate([place + 0.0 * along, 0.0 * place[..., :1] + along], axis=2)
+    body = box(fibres.min((0, 1)) - 1.0, fibres.max((0, 1)) + 1.0)
+    rod = Bone(*solid_of_revolution(np.linspace(-40.0, 40.0, 9), np.full(9, radius), 48))
+    lying = Bone(rod.points[:, [2, 1, 0]] + [0.0, radius + 2.0, 0.0], rod.triangles[:, ::-1])
+    bones = np.zeros(6, dtype=int), np.ones(6, dtype=int)
+    state = (paths := MusclePaths(fibres, *bones, body, {0: lying})).rest
+    moved = np.tile(np.eye(4), (2, 1, 1))
+    for moved[1, 1, 3] in range(step, 121, step):
+        state = paths.follow(state, moved)
+    assert state.settled
+    assert state.passed.mean() == passes
+    straight = np.hypot(400.0, 120.0)
+    assert (state.lengths.mean() - straight > 1.0) == (passes == 0.0)
+
+
 def test_the_gap_of_a_point_near_a_bone_does_not_depend_on_its_way(rng):
     """In the hole of a ring, values between nodes may be less than bounds by the distances of nodes."""
     bone, still, x = Bone(*ring(), cell=2.0), np.eye(4)[None], rng.uniform(-12.0, 12.0, (1, 5000, 3))

@@ -5,6 +5,8 @@ several equilibria (hysteresis), bounds are what these differ by: fibres roll ov
 ridge or snap; an edge or a roller has a point of a path more or less on it.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from phantom_paths import AXIS, HINGES, angles, known_paths, strung_muscle, strung_phantom, turned
@@ -75,6 +77,20 @@ def test_the_last_pose_is_kept_and_without_memory_no_other():
     assert kept.at(first, memory=0.0) is state
     kept.at(second, memory=0.0)
     assert kept.at(first, memory=0.0) is not state
+
+
+def test_a_pose_that_does_not_settle_is_tried_from_rest(monkeypatch):
+    make, settings, name, low, high = HINGES[0]
+    paths, (first, second) = known_paths(make, **settings), turned(make, settings, name, [low, high])
+    kept, follow = KeptPoses(paths), type(paths).follow
+
+    def shaky(self, before, transforms):
+        return replace(follow(self, before, transforms), settled=before is self.rest)
+
+    monkeypatch.setattr(type(paths), "follow", shaky)
+    assert kept.at(first, memory=1e9).settled
+    assert kept.at(second, memory=1e9).settled
+    assert kept.at(0.5 * (first + second), memory=1e9).settled
 
 
 def test_two_joints_may_go_straight_or_back():

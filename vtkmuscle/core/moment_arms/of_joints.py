@@ -50,7 +50,7 @@ def known_coordinates(
 def joint_arms(
     lengths: ArrayLike, levers: Mapping[str, Floats], motion: RigidMotion, names: Sequence[str] | None = None,
     *, crossed: Sequence[str] | None = None, ratios: ArrayLike = np.nan,
-    bows: Mapping[str, Floats] | None = None,
+    bows: Mapping[str, Floats] | None = None, sags: ArrayLike = 0.0,
 ) -> tuple[dict[str, JointArms], dict[str, str]]:  # fmt: skip
     """Return moment arms of paths by each coordinate.
 
@@ -61,7 +61,8 @@ def joint_arms(
     names : sequence of str, wanted coordinates; default: all;
     crossed : sequence of str, coordinates of the joints that the muscle crosses; default: all;
     ratios : (f,)_like, mean lengths relative to rest; NaN: mean arms have no errors;
-    bows : mapping of str to (f,), parts of the mean levers that are of bows off the bones [mm].
+    bows : mapping of str to (f,), parts of the mean levers that are of bows off the bones [mm];
+    sags : (f,)_like, depths of the paths' straight segments in the bones [mm].
 
     Returns arms : dict of str to JointArms, moment arms [mm, or without unit by a translation];
     refused : dict of str to str, reasons for missing moment arms by further coordinates.
@@ -88,9 +89,9 @@ def joint_arms(
             with suppress(ValueError):  # too few values for a quartic
                 quartic, residuals = quartic_moment_arms(curves[frames], q.natural[frames])
         slopes = slopes_by(motion, name, candidates, curves, 2)[frames]
-        of_mean = np.broadcast_to(np.asarray(ratios, dtype=np.float64), len(curves))[frames]
+        of_mean, sag = (np.broadcast_to(np.asarray(x, float), len(curves))[frames] for x in (ratios, sags))
         bow = (bows or {}).get(name, np.zeros(len(curves)))[frames]
-        by_frame = frames, q.values[frames], of_mean, bow, lever[frames], slopes
+        by_frame = frames, q.values[frames], of_mean, bow, sag * (q.unit in ANGLES), lever[frames], slopes
         held = [motion.coordinates[other].values[frames] for other in candidates if other != name]
         fixed = np.round([q.values[frames] * 0.0, *held], 9)
         stretch = np.unique(fixed, axis=1, return_inverse=True)[1].ravel()
@@ -158,6 +159,8 @@ class JointArms:
         Mean lengths of the paths relative to rest; NaN where mean arms have no error.
     bows : (m,) array
         Parts of the mean arms that are of bows off the bones.
+    sags : (m,) array
+        Depths of the paths' straight segments in the bones, for an angle; 0 for a translation.
     arms : (m, k) array
         Levers of the paths; positive if a pull increases the coordinate. In the unit of lengths for an angle,
         without unit for a translation.
@@ -182,6 +185,7 @@ class JointArms:
     values: Floats
     ratios: Floats
     bows: Floats
+    sags: Floats
     arms: Floats
     slopes: Floats
     quartic: Floats | None
@@ -216,11 +220,12 @@ class JointArms:
 
     @property
     def errors(self) -> dict[str, Floats]:
-        """Error of the mean, ``total``, and its parts, (m,); ``numerical``: mean less mean slope; ``bow``.
+        """Error of the mean, ``total``, and its parts, (m,).
 
-        See :func:`~vtkmuscle.core.fibres.measures.mean_errors`.
+        ``numerical`` is the mean less the mean slope, and the sag: the lever of a straight segment is between
+        the bone's and the bone's less the sag. See :func:`~vtkmuscle.core.fibres.measures.mean_errors`.
         """
-        numerical = np.nan_to_num(np.abs(self.mean - self.mean_slope))
+        numerical = np.nan_to_num(np.abs(self.mean - self.mean_slope)) + np.nan_to_num(self.sags)
         return mean_errors(self.arms, self.ratios, numerical=numerical, bow=np.abs(self.bows))
 
     @property

@@ -90,6 +90,7 @@ class SheetPose:
         point. :meth:`hold` changes it.
 
     x : (f, n, 3), points about the middle, as given to :meth:`look_at` last [mm];
+    near : Proximity, of x;
     gradient, move : (f, n, 3), gradient of the energy at x, and the step from x;
     steps : steps of Newton's method so far.
     """
@@ -105,7 +106,7 @@ class SheetPose:
         self._tissue: list[tuple[int, Floats, Floats]] = []
         self._moved = np.array(transforms)
         self._moved[:, :3, 3] -= self._middle
-        self._near = sheet.contacts.proximity(self._moved)
+        self.near = sheet.contacts.proximity(self._moved)
         held, self._pull = np.zeros((f, n, 3, 3)), np.zeros(shape)
         for k, number in enumerate(around.bones):
             turn, pull = self._moved[number, :3, :3], np.zeros(shape)
@@ -136,7 +137,7 @@ class SheetPose:
 
     def look_at(self, x: Floats) -> None:
         """Compute the energy's gradient and stiffness. Positions x (f, n, 3) are about the middle."""
-        self.x, gradient, blocks, near = x, self.gradient, self._blocks, self._near
+        self.x, gradient, blocks, near = x, self.gradient, self._blocks, self.near
         equilibrium.add_springs(x, self._held, self._pull, gradient, blocks)
         sheet, widths = self._sheet, path_widths(x, self._sheet.lengths)
         work = self._rows, self._lanes, gradient.reshape(-1, 3), self._springs
@@ -225,9 +226,9 @@ class SheetPose:
         """
         shape = self._pressure.shape[1:]
         lacking = np.zeros(shape)
-        depths = np.maximum(-self._near.gaps, 0.0)
+        depths = np.maximum(-self.near.gaps, 0.0)
         for first, second in combinations(np.flatnonzero(self._pressure.any(axis=(1, 2))), 2):
-            against = -np.einsum("pi,pi->p", self._near.normals[first], self._near.normals[second])
+            against = -np.einsum("pi,pi->p", self.near.normals[first], self.near.normals[second])
             lacks = (against * (depths[first] + depths[second])).reshape(shape)
             pressed = (self._pressure[first] > 0.0) & (self._pressure[second] > 0.0)
             np.maximum(lacking, lacks, out=lacking, where=pressed)
@@ -235,7 +236,7 @@ class SheetPose:
 
     def sags(self) -> Floats:
         """Return :meth:`~vtkmuscle.core.paths.bone_contact.BoneContacts.sags` of segments, (f,) [mm]."""
-        return self._sheet.contacts.sags(self.x, self._near)
+        return self._sheet.contacts.sags(self.x, self.near)
 
     @property
     def points(self) -> Floats:
@@ -277,7 +278,7 @@ class SheetPose:
         ]
         for k, number in enumerate(contacts.numbers):
             if self._pressure[k].any():
-                loads.append((number, contacts.load(k, self._near, self._pressure[k])))
+                loads.append((number, contacts.load(k, self.near, self._pressure[k])))
         for k, (number, _) in enumerate(self._sheet.rings):
             if (points := self.ring_points[k]).any():
                 loads.append((number, ring_load(x, self._rings, k, points, contacts.rounding)))

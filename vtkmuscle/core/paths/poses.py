@@ -10,8 +10,9 @@ from vtkmuscle.core.types import Floats, Ints
 class KeptPoses:
     """The paths of a muscle in any pose.
 
-    A pose begins at the nearest kept pose. Nearness is the distance over which the bones carry the ends of
-    paths from pose to pose; the rest pose is always kept. A computed pose is the same when asked for again.
+    A pose begins at the nearest kept pose, and again at rest where it does not settle. Nearness is the
+    distance over which the bones carry the ends of paths from pose to pose; the rest pose is always kept. A
+    computed pose is the same when asked for again.
     """
 
     def __init__(self, paths: MusclePaths) -> None:
@@ -38,7 +39,10 @@ class KeptPoses:
             corners = self._corners @ seen[:, :3, :3].swapaxes(1, 2) + seen[:, None, :3, 3]
             starts = [(self.rest, self._corners), *reversed(self._states.values())]
             moves = ((corners - np.array([placed for _, placed in starts])) ** 2).sum(axis=3)
-            state = self._paths.follow(starts[int(moves.max(axis=(1, 2)).argmin())][0], transforms)
+            start = starts[int(moves.max(axis=(1, 2)).argmin())][0]
+            state = self._paths.follow(start, transforms)
+            if not state.settled and start is not self.rest:  # another way may come to rest
+                state = self._paths.follow(self.rest, transforms)
             self._states[key] = state, corners
             most = max(int(memory // max(state.nbytes, 1)), 1)
             for old in list(self._states)[:-most]:

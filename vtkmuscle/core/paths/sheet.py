@@ -15,14 +15,14 @@ from vtkmuscle.core.mesh.surface import mean_thickness
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screws_between
 from vtkmuscle.core.motion.rigid import inverses
-from vtkmuscle.core.paths.bone_contact import BoneContacts
+from vtkmuscle.core.paths.bone_contact import BoneContacts, Proximity
 from vtkmuscle.core.paths.guides import ALL_PATHS, Guides, with_bones
 from vtkmuscle.core.paths.neighbours import neighbours_of, path_lengths
 from vtkmuscle.core.paths.pose import TOLERANCE, Sheet, SheetPose, farthest_of
 from vtkmuscle.core.paths.ring_contact import outside_of, rings_at
 from vtkmuscle.core.paths.surroundings import surroundings_of
 from vtkmuscle.core.paths.via_rings import ViaRing
-from vtkmuscle.core.types import ROUNDING, Floats, Ints
+from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
 
 #: Points of a path. Paths of 17 points round a cylinder of 30 mm have moment arms 1 % less than those of
 #: 33 and 65, which agree within 0.1 mm.
@@ -58,6 +58,8 @@ class PathState:
     ends_moved : (2, f, 3), move of each end since the pose before, seen from the bone of the path's opposite
         end [mm];
     drift : (f, n, 3), displacement of the points from the positions after the move of the ends alone [mm];
+    seen : Proximity, of paths that were looked at last, outside of all bones;
+    passed : (f,) bool, paths that have passed through a bone since rest;
     forces : callable, returns the settled pose of the sheet, None when the sheet has gone on.
     """
 
@@ -69,6 +71,8 @@ class PathState:
     steps: int
     ends_moved: Floats
     drift: Floats
+    seen: Proximity
+    passed: Bools
     forces: Callable[[], SheetPose | None] = lambda: None
     #: Levers in this pose by the twists' content.
     _levers: dict[bytes, Floats] = field(default_factory=dict, init=False)
@@ -128,7 +132,7 @@ class PathState:
     @property
     def nbytes(self) -> int:
         """Memory of the state [bytes]."""
-        arrays = self.paths, self.transforms, self.ring_points, self.ends_moved, self.drift
+        arrays = self.paths, self.transforms, self.ring_points, self.ends_moved, self.drift, *self.seen
         return sum(array.nbytes for array in arrays)
 
 
@@ -215,8 +219,20 @@ class MusclePaths:
         state = replace(before, transforms=last, steps=0)
         for number in range(1, steps + 1):  # the last is the pose itself
             tolerance = TOLERANCE * (LOOSER if number < steps else 1.0)
-            state = self._go_on(state, screws_between(last, transforms, number / steps), tolerance)
+            part = screws_between(last, transforms, number / steps)
+            state = self._go_to(state, part, tolerance, farthest / steps)
         return state
+
+    def _go_to(self, before: PathState, transforms: Floats, tolerance: float, move: float) -> PathState:
+        """Return the paths in a near pose. Where paths pass through a bone, the ends' move is halved."""
+        state = self._go_on(before, transforms, tolerance)
+        passed, looked = self._sheet.contacts.passed(before.seen, state.seen)
+        if passed.any() and move > self._segment:
+            middle = screws_between(before.transforms, transforms, 0.5)
+            half = self._go_to(before, middle, tolerance, 0.5 * move)
+            return self._go_to(half, transforms, tolerance, 0.5 * move)
+        seen = before.seen.renewed(state.seen, looked) if looked.any() else before.seen
+        return replace(state, seen=seen, passed=before.passed | passed)
 
     def _go_on(self, before: PathState, transforms: Floats, tolerance: float) -> PathState:
         """Return the paths in a near pose.
@@ -264,7 +280,8 @@ class MusclePaths:
         settled = pose.settle(self._segment, tolerance, reach)
         self._latest = pose  # alive for the levers of this state
         now = self._sheet, pose.points, transforms, pose.ring_points, settled, pose.steps
-        return PathState(*now, ends_moved, pose.points - carried, weakref.ref(pose))
+        none = np.zeros(len(start), dtype=np.bool_)
+        return PathState(*now, ends_moved, pose.points - carried, pose.near, none, weakref.ref(pose))
 
 
 def _carried_by(transforms: Floats, points: Floats) -> Floats:
