@@ -1,3 +1,6 @@
+import subprocess
+import sys
+
 import numpy as np
 from oracles import igl
 from shapes import grid
@@ -34,6 +37,19 @@ def test_linear_functions_in_the_plane_are_harmonic():
     # Diagonal edges have cotangent weight 0, which is raised to its lower bound: by symmetry no change.
     found = harmonic.harmonic_extension(points, triangles, border, wanted[border])
     assert np.allclose(found, wanted, atol=1e-9)
+
+
+def test_a_finely_divided_surface_is_no_dead_end():
+    """Each triangle of a strap cut in four three times: minimum degree took minutes."""
+    program = """if True:
+        import numpy as np, pyvista
+        from vtkmuscle import phantoms
+        from vtkmuscle.core.mesh.harmonic import harmonic_extension
+        fine = pyvista.wrap(phantoms.wrapping_cylinder().muscles["strap"]).triangulate().subdivide(3)
+        points = np.array(fine.points, dtype=float)
+        ends = np.flatnonzero((points[:, 1] < -79.0) | (points[:, 1] > 20.0))
+        harmonic_extension(points, fine.regular_faces, ends, points[ends, 1:2])"""
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=120.0)
 
 
 def test_weights_are_a_partition_of_unity():

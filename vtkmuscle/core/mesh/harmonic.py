@@ -58,9 +58,10 @@ def harmonic_extension(points: Floats, triangles: Ints, fixed: Ints, values: Flo
     if len(free):
         rows = cotangent_laplacian(points, triangles)[free]
         inner, border = rows[:, free], rows[:, fixed]
-        # Symmetric and diagonally dominant: no pivoting, and an ordering for symmetric matrices.
-        symmetric = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
-        result[free] = splu(inner.tocsc(), diag_pivot_thresh=0.0, **symmetric).solve(-(border @ values))
+        # Diagonally dominant: no pivoting. SuperLU's own order, COLAMD, takes 1.4 times as long as minimum
+        # degree (medians on four muscles of a hip; 1.8 times the fill, 4 to 16 ms). With each triangle cut
+        # in 16 it takes half as long; on some surfaces minimum degree takes minutes.
+        result[free] = splu(inner.tocsc(), diag_pivot_thresh=0.0).solve(-(border @ values))
     return np.clip(result, values.min(axis=0), values.max(axis=0))
 
 
