@@ -210,9 +210,9 @@ def further_reasons(muscle: Judged, odd: Sequence[SceneError]) -> Iterator[Reaso
 
 
 def _concerns(key: str, muscle: Judged) -> bool:
-    """Return whether a key is of a muscle or its joints."""
+    """Return whether a key is of a muscle, its joints or the whole scene."""
     own = key.removeprefix("guessed.")
-    if own.startswith("muscles.") or key.startswith("units"):  # the scale is no property of a muscle
+    if own.startswith("muscles."):
         return own.startswith(f"muscles.{muscle.name}.")
     crossed = muscle.scene.muscles[muscle.name].crosses
     moved = muscle.scene.joints.get(key.removeprefix("guessed.joints.").partition(".")[0])
