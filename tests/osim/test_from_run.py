@@ -149,6 +149,9 @@ def test_fixed_properties_stay_and_the_tendon_fits():
     assert properties == pytest.approx(fixed | {"tendon_slack_length": 0.2})
     with pytest.raises(ValueError, match=r"'m' has a path of 70 mm and fibres of 80 mm at rest.*geometry"):
         completed_properties({}, ARCHITECTURE, "m", length=0.07)
+    for length in (0.9995, 1.0005):  # of a muscle without tendon
+        bare = completed_properties(fixed, ARCHITECTURE, "m", length=0.1 * length)
+        assert bare["tendon_slack_length"] == pytest.approx(0.001 * length)
 
 
 def test_results_are_exported_without_another_run(ran, results, tmp_path):
@@ -160,10 +163,10 @@ def test_results_are_exported_without_another_run(ran, results, tmp_path):
     assert properties["optimal_fiber_length"] == pytest.approx(fascicle)
     force = SPECIFIC_TENSION * architecture["pcsa_without_tendon_mm2"] / 100.0
     assert properties["max_isometric_force"] == pytest.approx(force)
-    tree = read_osim(tmp_path / "strap.osim").tree
-    rest = muscle.out.path.lengths(tree, {"upper": [0.0], "lower": [0.0]})[0]
-    along = properties["optimal_fiber_length"] * np.cos(properties["pennation_angle_at_optimal"])
-    assert along + properties["tendon_slack_length"] == pytest.approx(rest, abs=1e-6)
+    (points,) = export(results, tmp_path / "points.osim", form="points")
+    assert points.out.parameters == muscle.out.parameters
+    rest = result.track("strap").rest_lengths.mean() / 1000.0
+    assert properties["tendon_slack_length"] == pytest.approx(0.01 * rest)  # there is no tendon
     scene = path.read_text()
     path.write_text(scene + "\n# changed\n")
     with pytest.raises(ValueError, match="has changed"):

@@ -243,6 +243,9 @@ def _between(tree: KinematicTree, ends: Sequence[str]) -> list[str]:
 SPECIFIC_TENSION = 60.0
 #: Properties that a muscle with force requires.
 NEEDED = ("max_isometric_force", "optimal_fiber_length", "tendon_slack_length")
+#: Tendon of a muscle without tendon, as a part of the path; OpenSim needs a tendon. Changes of the lengths of
+#: fibres and paths differ by as much (docs/reference/verdicts.rst).
+SHORTEST_TENDON = 0.01
 
 
 def opensim_properties(hill: Mapping[str, float], metres: float) -> dict[str, float]:
@@ -264,9 +267,10 @@ def completed_properties(
     """Return OpenSim properties of a muscle, ``fixed`` properties completed from its architecture.
 
     Fibre length and pennation at rest are taken as optimal, unless the sarcomere length is in the
-    architecture. The tendon is slack at rest: fibres and tendon make up the path, ``length`` [m] at rest; if
-    no length remains, an InputError is raised. ``share`` is the group's mean fibre length relative to all
-    fibres; ``specific_tension`` is in N/cm^2.
+    architecture. The tendon is slack at rest: fibres and tendon make up the path, ``length`` [m] at rest. The
+    tendon is no shorter than :data:`SHORTEST_TENDON` of the path; an InputError is raised for fibres longer
+    than the path by more. ``share`` is the group's mean fibre length relative to all fibres;
+    ``specific_tension`` is in N/cm^2.
     """
     force = specific_tension * (architecture["pcsa_without_tendon_mm2"] / 100.0)
     properties = {"max_isometric_force": force, **fixed}
@@ -283,12 +287,12 @@ def completed_properties(
         inward = min(fibre * np.sin(pennation) / optimal, 0.99)
         properties.setdefault("pennation_angle_at_optimal", float(np.arcsin(inward)))
     if "tendon_slack_length" not in properties:
-        tendon = length - fibre * float(np.cos(pennation))
-        if tendon <= 0.0:
+        tendon, least = length - fibre * float(np.cos(pennation)), SHORTEST_TENDON * length
+        if tendon < -least:
             problem = f"muscle {name!r} has a path of {1000 * length:.4g} mm and fibres of "
             remedy = "give hill.optimal_fibre_length or hill.tendon_slack_length, or export geometry only"
             raise InputError("", f"{problem}{1000 * fibre:.4g} mm at rest, so no tendon", remedy)
-        properties["tendon_slack_length"] = tendon
+        properties["tendon_slack_length"] = max(tendon, least)
     return properties
 
 

@@ -128,8 +128,8 @@ def export(
     OSError, SceneError, ValueError
         For another ending of the file; if the scene has no joints or is mirrored; if all muscles failed; if a
         muscle has no fibres, crosses a constant coordinate without a range where no coordinate of its unit
-        moves, or leaves no tendon; if the model is not of version 4; or for joints that MuJoCo lacks, see
-        :func:`~vtkmuscle.opensim.mjcf_of`.
+        moves, or has fibres longer than its path; if the model is not of version 4; or for joints that
+        MuJoCo lacks, see :func:`~vtkmuscle.opensim.mjcf_of`.
     """
     if not isinstance(source, Result | str | PathLike):
         raise TypeError(f"an export takes a Result, its folder or a scene.toml, not {quoted(source)}")
@@ -327,7 +327,6 @@ def _exported(
     values, lengths = {q: column[kept] for q, column in values.items()}, lengths[kept]
     if not len(lengths):
         raise InputError("", f"the paths of muscle {name!r} come to rest in no frame")
-    rest = {q: np.clip([tree.coordinate(q).rest], column.min(), column.max()) for q, column in values.items()}
     lines = _lines(run, name)[kept] if points else None
     number_of = group_fibres(lengths, options.groups)
     units = {each: 1000.0 if tree.coordinate(each).is_angle else 1.0 for each in run.crossed[name]}
@@ -347,8 +346,8 @@ def _exported(
         properties: dict[str, float] = {}
         if options.kind != GEOMETRY_ONLY:
             architecture = run.result.report["muscles"][name]["architecture"]
-            at_rest, share = float(path.lengths(tree, rest)[0]), mean.mean() / lengths.mean() * 1000.0
-            of_path = at_rest, float(share), options.specific_tension
+            at_rest, share = measured.track(name).rest_lengths[members].mean(), mean.mean() / lengths.mean()
+            of_path = float(at_rest) / 1000.0, float(share) * 1000.0, options.specific_tension
             properties = parts.completed_properties(fixed, architecture, name, *of_path)
             properties["max_isometric_force"] *= members.mean()
         errors = {"length": 1000.0 * (path.lengths(tree, values) - mean)}
