@@ -83,6 +83,13 @@ def test_frames_are_kept_and_a_time_between_steps_goes_on_from_the_step_before(t
     assert seen == [2.5]
 
 
+@pytest.mark.filterwarnings("ignore:.* is outside of the motion")
+def test_a_time_beyond_the_steps_has_the_frame_of_the_nearest_end(total):
+    """Another step to the same pose had moved a surface by 0.6 mm."""
+    assert [sum_at(total, time) for time in (9.0, -1.0)] == [6.0, 0.0]
+    assert seen == [0.0, 1.0, 2.0, 3.0]
+
+
 def test_a_parameter_that_frames_depend_on_drops_them(total):
     sum_at(total, 2.0)
     seen.clear()

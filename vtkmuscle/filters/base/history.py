@@ -61,9 +61,12 @@ class HistoryFilter(Filter, Generic[Frame]):
 
     @property
     def path(self) -> list[Time]:
-        """Times of the frames up to the requested time; [None] without steps."""
-        time = self.request_time
-        return [time] if time is None else [*(step for step in self._steps if step < time), time]
+        """Times of the frames up to the requested time, or the nearest end of the steps; [None] without."""
+        time, steps = self.request_time, self._steps
+        if time is None or not steps:
+            return [time]
+        time = min(max(time, steps[0]), steps[-1])
+        return [*(step for step in steps if step < time), time]
 
     def frame(self, arguments: Sequence[Any], advance: Callable[..., Frame]) -> Frame:
         """Return the frame at the requested time, computing missing frames.
