@@ -35,6 +35,18 @@ def fixed_to(*values):
     return lambda: arrays.add_arrays(examples.muscle(), points={"FixedTo": marks})
 
 
+def detected():
+    """Return the muscle with points fixed to the bones in another order."""
+    bones = arrays.multiblock_from(dict(reversed(arrays.blocks_of(examples.rest_bones()))))
+    return filters.FixedPointDetector().apply(examples.muscle(), bones, examples.attachments())
+
+
+def far_paths():
+    paths = examples.paths()
+    rest = 500.0 + arrays.point_array(paths, "RestPosition", "")
+    return arrays.add_arrays(paths, points={"RestPosition": rest})
+
+
 def with_transform(transform):
     return lambda: arrays.add_arrays(examples.fitted_template(), fields={"Transform": transform.ravel()})
 
@@ -139,6 +151,8 @@ REFUSED = [
     ("MomentArms", {"motion": None}, "fibres: the fibres have no time steps"),
     ("PathDeformer", {"muscle": opened}, "(?i)closed|open"),
     ("PathDeformer", {"paths": examples.fibres}, "paths: the point array 'RestPosition' is missing"),
+    ("PathDeformer", {"paths": far_paths}, "muscle: no path passes through the muscle at rest; connect its"),
+    *((name, {"muscle": detected}, "was 'distal' at .*, but") for name in ("PBDDeformer", "PathDeformer")),
     (
         "PathDeformer",
         {"neighbours": lambda: arrays.multiblock_from({"ball": examples.ball_beside()})},

@@ -14,12 +14,14 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fixed_muscle import BoneRings, FixedMuscle
 from vtkmuscle.core.motion.rigid import are_rigid
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import Polylines, blocks_of, checked_surface, field_array, names_of
+from vtkmuscle.data.arrays import Polylines, blocks_of, checked_surface, field_array, field_strings, names_of
 from vtkmuscle.data.muscle_geometry import Surface
 
 #: Prefix of a bone's twist array, before the coordinate's name.
 TWIST = "Twist_"
 
+#: Field array with the names of the bones in the order of ``FixedTo``.
+FIXED_TO_BONES = "FixedToBones"
 #: Remedy for a missing array.
 _MADE_BY = "BoneMotion adds it"
 
@@ -90,6 +92,11 @@ def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
         listed = ", ".join(map(repr, bones))
         problem = f"{bad[0]} is neither -1 (free) nor an index of the {len(bones)} bones ({listed})"
         raise InputError(where, problem, "detect the fixed points with these bones")
+    detected = field_strings(muscle.data, FIXED_TO_BONES)
+    for index, (name, bone) in enumerate(zip(detected, bones, strict=False)):
+        if name != bone and index in fixed_to:
+            problem = f"bone {index} was {name!r} at the detection, but is {bone!r}"
+            raise InputError(where, problem, "detect the fixed points with these bones, in the same order")
     return fixed_to
 
 

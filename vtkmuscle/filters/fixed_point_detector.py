@@ -14,6 +14,7 @@ from vtkmuscle.core.pbd.voxels import build_voxel_grid
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import add_arrays, checked_surface, shallow_copy
 from vtkmuscle.data.attachments import VIA, Areas, attachments_of
+from vtkmuscle.data.moving_bones import FIXED_TO_BONES
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 from vtkmuscle.filters.deformer import N_VOXELS, N_VOXELS_PER_AXIS
@@ -52,7 +53,8 @@ class FixedPointDetector(Filter):
     Attributes
     ----------
     output
-        The muscle with the point array ``FixedTo`` (int32): -1 for a free point, else the bone's index.
+        The muscle with the point array ``FixedTo`` (int32): -1 for a free point, else the bone's index; and
+        the field array ``FixedToBones``, the bones' names.
 
     Raises
     ------
@@ -112,7 +114,8 @@ class FixedPointDetector(Filter):
                 problem = "no point of the muscle is in the voxels of a bone"
                 remedy = "lower n_voxels, or use the method 'proximity' or 'attachment'"
             raise InputError("", problem, remedy)
-        return add_arrays(shallow_copy(muscle.data), points={"FixedTo": fixed_to})
+        fields = {FIXED_TO_BONES: list(bones)}
+        return add_arrays(shallow_copy(muscle.data), points={"FixedTo": fixed_to}, fields=fields)
 
     def _by_attachment(self, muscle: Surface, bones: Bones, areas: Areas | None) -> Iterator[Claim]:
         """Yield the points of each area, with distances to the nearest landmark."""
