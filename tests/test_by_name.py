@@ -113,6 +113,7 @@ def test_an_xarray_has_the_numbers_of_the_tables(scene, result):
     pytest.importorskip("xarray")
     data = result.to_xarray().sel(muscle="spindle")
     assert np.array_equal(data["time"], result.times)
+    assert np.array_equal(data["distal_angle"], result.times)
     assert np.array_equal(data["length_mm"].transpose("frame", "fibre"), result.lengths["spindle"])
     assert np.array_equal(
         data["fibre_length_mm"].transpose("frame", "fibre"), result.fibre_lengths["spindle"]

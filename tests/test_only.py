@@ -31,7 +31,8 @@ def test_lengths_and_moment_arms_are_those_of_a_run(scene, whole, tmp_path):
     assert_allclose(lengths["length_mm"], whole.length_table()["length_mm"], rtol=0, atol=1e-9)
     expected = whole.moment_arms().table()
     assert_allclose(arms["moment_arm_mm"], expected["moment_arm_mm"], rtol=0, atol=1e-9)
-    names = {".vtkmuscle.json", "lengths.csv", "moment_arms.csv"}
+    assert set(arms["frame"]) == {0, 4, 8}
+    names = {".vtkmuscle.json", "lengths.csv", "moment_arms.csv", "poses.csv"}
     assert {path.name for path in tmp_path.iterdir()} == names
 
 

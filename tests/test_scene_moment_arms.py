@@ -99,6 +99,7 @@ def test_tables_and_report_hold_them(result, out):
     for row in rows:
         frame, fibre = result.times.index(float(row["value"])), int(row["fibre"])
         assert (row["muscle"], row["coordinate"], row["unit"]) == ("spindle", "knee", "deg")
+        assert int(row["frame"]) == result.frames[frame]
         assert float(row["moment_arm_mm"]) == pytest.approx(found.arms[frame, fibre], rel=1e-9)
         assert float(row["slope_mm"]) == pytest.approx(found.slopes[frame, fibre], rel=1e-9, abs=1e-12)
         assert float(row["quartic_mm"]) == pytest.approx(found.quartic[frame, fibre], rel=1e-9)

@@ -40,6 +40,14 @@ def test_moment_arms_are_those_of_the_rollers_in_every_pose_of_the_grid(arms, re
 
 
 @pytest.mark.parametrize("name", ["upper", "lower"])
+def test_the_pose_of_a_row_is_known_by_its_frame(result, name):
+    """Rows had the value of the own coordinate alone: seven rows of a grid were the same pose."""
+    poses, rows = result.pose_table(), result.moment_arms().summary().where(coordinate=name)
+    np.testing.assert_array_equal(poses[name][rows["frame"]], rows["value"])
+    assert len({*zip(poses["upper"], poses["lower"], strict=True)}) == len(rows["frame"]) == 49
+
+
+@pytest.mark.parametrize("name", ["upper", "lower"])
 def test_slopes_of_the_lengths_are_the_moment_arms(arms, name):
     """On the mean of 49 poses; single ones differ by steps of 15 degrees, and as points come to bones."""
     assert arms[name].mean_slope.mean() == pytest.approx(arms[name].mean.mean(), abs=0.1)

@@ -227,7 +227,7 @@ class ResultData(ByName):
             refused |= without
         if problems and not arms:
             raise problems[0]
-        return MomentArmTable(arms, refused)
+        return MomentArmTable(arms, refused, self.frames)
 
     def length_table(self) -> Table:
         """Return the lengths of the paths, a row per muscle, fibre and frame, as lengths.csv."""
@@ -236,6 +236,12 @@ class ResultData(ByName):
     def fibre_length_table(self) -> Table:
         """Return the lengths of the fibres, a row per muscle, fibre and frame, as fibre_lengths.csv."""
         return self._lengths("fibre_lengths", self.fibre_lengths)
+
+    def pose_table(self) -> Table:
+        """Return time and values of coordinates, a row per frame of the motion, as poses.csv."""
+        columns = {"frame": np.arange(len(self.motion.times)), "time": self.motion.times}
+        columns |= {name: q.values for name, q in self.motion.coordinates.items() if name not in columns}
+        return Table.stacked(tuple(columns), [columns])
 
     def _lengths(self, table: str, lengths: Mapping[str, Floats]) -> Table:
         """Return a table of lengths (f, k) per muscle [mm]. In the first f frames, with errors of means."""
@@ -268,11 +274,13 @@ class ResultData(ByName):
         return architecture_table(self.report["muscles"])
 
     def tables(self) -> dict[str, Table]:
-        """Return the tables that a run writes, by their names: lengths, moment arms and architecture."""
+        """Return the tables that a run writes, by their names: lengths, moment arms, poses, architecture."""
         tables = {"lengths": self.length_table(), "fibre_lengths": self.fibre_length_table()}
         if self.has_moment_arms:
             arms = self.moment_arms()
             tables |= {"moment_arms": arms.table(), "moment_arms_summary": arms.summary()}
+        if self.motion.coordinates:
+            tables["poses"] = self.pose_table()
         return tables | {"architecture": self.architecture()}
 
     def fibre_tables(self) -> Iterator[tuple[str, Table]]:
@@ -287,8 +295,8 @@ class ResultData(ByName):
     def to_csv(self, folder: str | PathLike[str]) -> list[Path]:
         """Write the tables of the result to a folder, and return the .csv files.
 
-        Lengths, moment arms, architecture, and the checks by frame. The folder is made where it does not
-        exist; files of the same names are replaced.
+        Lengths, moment arms, poses, architecture, and the checks by frame. The folder is made where it does
+        not exist; files of the same names are replaced.
         """
         tables = self.tables() | {"frames": self.frame_table()}
         return [table.to_csv(Path(folder) / f"{name}.csv") for name, table in tables.items()]
@@ -301,8 +309,8 @@ class ResultData(ByName):
         """Return lengths and moment arms as an xarray Dataset.
 
         ``length_mm`` and ``fibre_length_mm`` are over (muscle, fibre, frame), ``moment_arm_mm`` over
-        (muscle, coordinate, fibre, frame), NaN where a muscle has no value; ``time`` is over frame. Raises an
-        ImportError without xarray.
+        (muscle, coordinate, fibre, frame), NaN where a muscle has no value; ``time`` and the values of each
+        coordinate, by its name, are over frame. Raises an ImportError without xarray.
 
         Examples
         --------
@@ -315,17 +323,14 @@ class ResultData(ByName):
         tables = {"length_mm": self.length_table(), "fibre_length_mm": self.fibre_length_table()}
         axes = ("muscle", "coordinate", "fibre", "frame")
         if self.has_moment_arms:
-            parts, kept = [], np.array(self.frames)
-            for labels, each in self.moment_arms().labelled():
-                own = {"fibre": np.arange(each.arms.shape[1]), "frame": kept[each.frames, None]}
-                parts.append({**labels, **own, "moment_arm_mm": each.arms})
-            tables["moment_arm_mm"] = Table.stacked((*axes, "moment_arm_mm"), parts)
+            tables["moment_arm_mm"] = self.moment_arms().table()
         data = xarray.Dataset()
         for name, table in tables.items():
             cube = table.to_frame().set_index([axis for axis in axes if axis in table])
             data = data.merge({name: cube[name.removeprefix("fibre_")].to_xarray()}, join="outer")
-        times = dict(zip(self.frames, self.times, strict=True))
-        return data.assign_coords(time=("frame", [times[frame] for frame in data["frame"].values]))
+        poses, kept = self.pose_table(), data["frame"].values.astype(np.int64)
+        own = {name: ("frame", column[kept]) for name, column in poses.items() if name not in axes}
+        return data.assign_coords(own)
 
     def published_arms(self, muscle: str) -> tuple[LiteratureCurve, ...]:
         """Return the published curves of a muscle's moment arms to draw.

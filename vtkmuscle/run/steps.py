@@ -111,9 +111,9 @@ def run_only(
     ``what`` is ``"lengths"`` or ``"moment_arms"``, for a table with a row per muscle, path and frame [mm], or
     ``"surfaces"``, for the muscles in the frames. Tables take the paths alone: no muscle is deformed, no
     fibre is moved and no frame is measured. Surfaces take the deformer without fibres. With a folder ``out``,
-    lengths.csv, moment_arms.csv or a NAME.pvd per muscle is written; further options are those of
-    :class:`~vtkmuscle.run.RunOptions`. ValueError if the output is unknown, a file would be replaced, or a
-    stage cannot run.
+    lengths.csv or moment_arms.csv with poses.csv, or a NAME.pvd per muscle is written; further options are
+    those of :class:`~vtkmuscle.run.RunOptions`. ValueError if the output is unknown, a file would be
+    replaced, or a stage cannot run.
 
     Examples
     --------
@@ -125,18 +125,18 @@ def run_only(
     """
     if what not in ONLY:
         raise InputError("", f"only is {what!r}, but must be one of {', '.join(map(repr, ONLY))}")
+    names = [f"{name}.pvd" for name in scene.muscles]
     if what != "surfaces":
-        scene = paths_alone(scene)
+        scene, names = paths_alone(scene), [f"{what}.csv", *["poses.csv"] * bool(scene.motion.coordinates)]
     elif scene.deformer == "none":
         raise InputError("deformer", "it is 'none', so there are no surfaces", "use 'paths' or 'pbd'")
     outputs = None if out is None else Outputs(Path(out), inputs=scene.files, overwrite=overwrite)
     if outputs is not None and not overwrite and ResultFolder(outputs.folder).report() is not None:
         raise InputError(outputs.folder, "the folder has the results of a run", "give another --out")
-    names = [f"{name}.pvd" for name in scene.muscles] if what == "surfaces" else [f"{what}.csv"]
     if outputs is not None:
         for file in map(outputs.folder.joinpath, names):
             outputs.check(file)
-            rows = csv_rows(file) if what != "surfaces" and file.is_file() and not overwrite else ()
+            rows = csv_rows(file) if file.name == f"{what}.csv" and file.is_file() and not overwrite else ()
             there = dict.fromkeys(cells[0] for _, cells in rows)
             writing.check_lost(file, [name for name in there if name not in ("muscle", *scene.muscles)])
     numbers = frame_numbers(frames, len(scene.motion.times))
@@ -149,7 +149,8 @@ def run_only(
         table = result.length_table() if what == "lengths" else result.moment_arms().table()
         if outputs is not None:
             with outputs:
-                table.to_csv(outputs.folder / f"{what}.csv", digits=None if what == "lengths" else DIGITS)
+                for name, each in zip(names, (table, result.pose_table()), strict=False):
+                    each.to_csv(outputs.folder / name, digits=DIGITS if name == "moment_arms.csv" else None)
         return table
     surfaces = {name: list(track.surfaces) for name, track in tracks.items()}
     if outputs is not None:

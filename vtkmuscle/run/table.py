@@ -156,10 +156,12 @@ class MomentArmTable(Remedies, dict[str, dict[str, JointArms]]):
     """
 
     def __init__(
-        self, arms: Mapping[str, Mapping[str, JointArms]], refused: Mapping[str, str] | None = None
-    ) -> None:
+        self, arms: Mapping[str, Mapping[str, JointArms]], refused: Mapping[str, str] | None = None,
+        frames: Sequence[int] = (),
+    ) -> None:  # fmt: skip
         super().__init__({muscle: _ByCoordinate(joints) for muscle, joints in arms.items()})
         self.refused = dict(refused or {})
+        self._frames = np.array(frames)
 
     def __missing__(self, muscle: str) -> dict[str, JointArms]:
         raise KeyError(f"there are no moment arms of {muscle!r}; available: {', '.join(self) or 'none'}")
@@ -184,7 +186,7 @@ class MomentArmTable(Remedies, dict[str, dict[str, JointArms]]):
         return Table.stacked(COLUMNS["moment_arms"], parts)
 
     def summary(self) -> Table:
-        """Return mean, range and error of the mean per muscle, coordinate and value."""
+        """Return mean, range and error of the mean per muscle, coordinate and frame."""
         parts = (
             {
                 **labels,
@@ -219,7 +221,8 @@ class MomentArmTable(Remedies, dict[str, dict[str, JointArms]]):
         """Give the columns that tables share, and the moment arms."""
         for muscle, joints in self.items():
             for name, joint in joints.items():
-                yield {"muscle": muscle, "coordinate": name, "unit": joint.unit, "value": joint.values}, joint
+                of_rows = {"frame": self._frames[joint.frames], "value": joint.values}
+                yield {"muscle": muscle, "coordinate": name, "unit": joint.unit, **of_rows}, joint
 
 
 def optional_package(name: str, use: str, brought_by: str = "", file: Path | None = None) -> Any:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 #: Tables and pages of a run, beside those that are called after muscles; and its folders, likewise.
 _LISTS = (
-    *("lengths.csv", "fibre_lengths.csv", "architecture.csv"),
+    *("lengths.csv", "fibre_lengths.csv", "architecture.csv", "poses.csv"),
     *("moment_arms.csv", "moment_arms_summary.csv", PAGE),
 )
 _FOLDERS = ("bones", "figures", FINISHED)
@@ -152,7 +152,7 @@ def check_lost(file: Path, muscles: Sequence[str]) -> None:
 
 
 #: Digits of the numbers in tables, and the tables that have all digits.
-DIGITS, _EXACT = 10, ("lengths", "fibre_lengths")
+DIGITS, _EXACT = 10, ("lengths", "fibre_lengths", "poses")
 
 
 class ResultWriter(ResultFolder):
@@ -221,7 +221,7 @@ class ResultWriter(ResultFolder):
 
     def write_tables(self, result: Result) -> None:
         """Write the tables of a result and of fibre measures. Tables of lengths have all digits."""
-        tables = {name: table for name, table in result.tables().items() if len(table["muscle"])}
+        tables = {name: table for name, table in result.tables().items() if len(next(iter(table.values())))}
         for name, table in {"fibre_lengths": result.fibre_length_table(), **tables}.items():
             table.to_csv(self.path / f"{name}.csv", digits=None if name in _EXACT else DIGITS)
         for name, table in result.fibre_tables():
