@@ -227,7 +227,7 @@ def test_the_limits_are_those_of_the_documentation(request):
         assert [float(cell.split()[0]) for cell in cells] == pytest.approx(
             [check.look, check.failed], rel=0.01
         ), name
-    assert "verdict" in DEFINITIONS
+    assert {"verdict", "pennation_origin_deg", "fascicle_pennation_origin_deg"} <= {*DEFINITIONS}
 
 
 @pytest.mark.parametrize("sheets", [(), (0.3, 0.7)])
