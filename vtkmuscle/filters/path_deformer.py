@@ -191,7 +191,7 @@ class PathDeformer(Filter):
 
 
 def _carried(muscle: FixedMuscle, paths: Floats | None, *obstacles: Any) -> CarriedMuscle:
-    """Return a muscle that moves with paths; InputError if the paths at rest have no point in the muscle."""
+    """Return a muscle that moves with paths. InputError if the paths at rest have no point in the muscle."""
     carried = CarriedMuscle(muscle, paths, *obstacles)
     if paths is not None:
         off = solids_of(muscle.points, muscle.triangles).distances(paths.reshape(-1, 3)).min()

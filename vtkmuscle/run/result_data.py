@@ -238,7 +238,7 @@ class ResultData(ByName):
         return self._lengths("fibre_lengths", self.fibre_lengths)
 
     def pose_table(self) -> Table:
-        """Return time and values of coordinates, a row per frame of the motion, as poses.csv."""
+        """Return the values of the coordinates. A row per frame of the motion, as poses.csv."""
         columns = {"frame": np.arange(len(self.motion.times)), "time": self.motion.times}
         columns |= {name: q.values for name, q in self.motion.coordinates.items() if name not in columns}
         return Table.stacked(tuple(columns), [columns])

@@ -210,7 +210,7 @@ def further_reasons(muscle: Judged, odd: Sequence[SceneError]) -> Iterator[Reaso
 
 
 def _concerns(key: str, muscle: Judged) -> bool:
-    """Return whether a key is of a muscle, its joints or the whole scene."""
+    """Return whether a key concerns a muscle."""
     own = key.removeprefix("guessed.")
     if own.startswith("muscles."):
         return own.startswith(f"muscles.{muscle.name}.")
