@@ -1,7 +1,7 @@
 """Blends and screws of rigid motions, and nearest rotations."""
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.motion.rigid import apply_transform
@@ -20,38 +20,13 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
     do not collapse towards the axis of far motions; for small motions both agree. The result is independent
     of the origin. Any two motions turn by less than 180 degrees against each other.
     """
-    motions = np.empty((len(transforms), 8))
-    _dual_quaternions(transforms, motions, np.empty((4, 4)))
+    turns = Rotation.from_matrix(transforms[:, :3, :3].copy())  # SciPy < 1.17 wants to write
+    motions = RigidTransform.from_components(transforms[:, :3, 3], turns).as_dual_quat()
     # q and -q are the same rotation: the sign nearer to the first blends the short way.
     motions[motions[:, :4] @ motions[0, :4] < 0.0] *= -1.0
     moved = np.empty_like(points)
     _blend(motions, weights, points, np.empty(8), moved)
     return moved
-
-
-@kernel
-def _dual_quaternions(transforms: Floats, motions: Floats, products: Floats) -> None:
-    """Write the dual quaternions of transforms. (b, 8), scalars last, of (b, 4, 4).
-
-    products : (4, 4), memory.
-    """
-    for k in range(len(transforms)):
-        m, q = transforms[k], motions[k]
-        # Products of the unit quaternion's parts, times 4: of four times a part, the longest row is best.
-        trace, row = m[0, 0] + m[1, 1] + m[2, 2], 3
-        products[3, 3] = 1.0 + trace
-        for i in range(3):
-            j, h = (i + 1) % 3, (i + 2) % 3
-            products[i, i] = 1.0 - trace + 2.0 * m[i, i]
-            products[i, j] = products[j, i] = m[i, j] + m[j, i]
-            products[i, 3] = products[3, i] = m[h, j] - m[j, h]
-            row = i if products[i, i] > products[row, row] else row
-        x, y, z, w = products[row, 0], products[row, 1], products[row, 2], products[row, 3]
-        scale = 1.0 / np.sqrt(x * x + y * y + z * z + w * w)
-        q[0], q[1], q[2], q[3] = scale * x, scale * y, scale * z, scale * w
-        a, b, c = 0.5 * scale * m[0, 3], 0.5 * scale * m[1, 3], 0.5 * scale * m[2, 3]
-        q[4], q[5], q[6] = a * w + b * z - c * y, b * w + c * x - a * z, c * w + a * y - b * x
-        q[7] = -(a * x + b * y + c * z)
 
 
 @kernel

@@ -42,24 +42,12 @@ SIX_DIGITS = 1e-5
 
 def are_rigid(transforms: Floats) -> Bools:
     """Return which transforms (..., 4, 4) are finite rotations and translations, without scale or mirror."""
-    rigid = np.empty(transforms.shape[:-2], dtype=np.bool_)
-    _find_rigid(np.array(transforms, dtype=np.float64).reshape(-1, 4, 4), rigid.reshape(-1))
-    return rigid
-
-
-@kernel
-def _find_rigid(transforms: Floats, rigid: Bools) -> None:
-    for f in range(len(transforms)):
-        m = transforms[f]
-        rigid[f] = m[3, 0] == m[3, 1] == m[3, 2] == 0.0 and m[3, 3] == 1.0
-        volume = 0.0
-        for i in range(3):
-            j, h = (i + 1) % 3, (i + 2) % 3
-            volume += m[0, i] * (m[1, j] * m[2, h] - m[1, h] * m[2, j])
-            for k in range(3):
-                off = m[0, i] * m[0, k] + m[1, i] * m[1, k] + m[2, i] * m[2, k] - (1.0 if i == k else 0.0)
-                rigid[f] &= abs(off) <= SIX_DIGITS and abs(m[i, 3]) < np.inf
-        rigid[f] &= volume > 0.0
+    turns, shifts = transforms[..., :3, :3], transforms[..., :3, 3]
+    with np.errstate(all="ignore"):  # numbers may be infinite
+        off = np.abs(turns.swapaxes(-2, -1) @ turns - np.eye(3)).max(axis=(-2, -1))
+        turned = (off <= SIX_DIGITS) & (np.linalg.det(turns) > 0.0)
+    affine = (transforms[..., 3, :] == np.eye(4)[3]).all(axis=-1)
+    return np.asarray(turned & affine & np.isfinite(shifts).all(axis=-1))
 
 
 def apply_transform(transform: Floats, points: Floats) -> Floats:
