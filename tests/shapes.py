@@ -15,6 +15,13 @@ def lines_of(lines):
     return polylines_from(Polylines(np.vstack(lines).astype(float), offsets))
 
 
+def turns_of(lines):
+    """Return the angles between successive segments of lines (..., n, 3) [degrees]."""
+    steps = np.diff(lines, axis=-2)
+    steps /= np.linalg.norm(steps, axis=-1, keepdims=True)
+    return np.degrees(np.arccos((steps[..., 1:, :] * steps[..., :-1, :]).sum(axis=-1).clip(-1.0, 1.0)))
+
+
 def nearest_other(places):
     """Return the distance of each place to the nearest other one."""
     return cKDTree(places).query(places, 2)[0][:, 1]

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from phantoms import fibre_block
 from scipy.spatial import ConvexHull, Delaunay, cKDTree
-from shapes import lines_of
+from shapes import lines_of, turns_of
 from slow import slow
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
@@ -169,6 +169,4 @@ def test_fibres_that_are_held_at_the_rim_of_a_broad_area_do_not_hook_there():
     phantom = hip()
     muscle, areas = phantom.muscles["gluteus_medius"], phantom.attachments["gluteus_medius"]
     fibres = decompose(muscle, areas, n_fibres=100, resolution=15, method="harmonic").update().output
-    steps = np.diff(points_of(fibres).reshape(100, 16, 3), axis=1)
-    steps /= np.linalg.norm(steps, axis=2, keepdims=True)
-    assert np.degrees(np.arccos((steps[:, 1:] * steps[:, :-1]).sum(axis=2).clip(-1, 1))).max() <= 60
+    assert turns_of(points_of(fibres).reshape(100, 16, 3)).max() <= 60

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from oracles import igl
 from phantoms import fibre_block
-from shapes import lines_of
+from shapes import lines_of, turns_of
 from slow import slow
 
 from vtkmuscle import Scene
@@ -31,12 +31,7 @@ def share_inside(points, muscle, slack):
 
 def largest_turns(lines):
     """Return the largest angle between successive segments of each fibre, its end segments left out."""
-    turns = []
-    for i in range(len(lines)):
-        steps = np.diff(lines.line(i), axis=0)[1:-1]
-        steps /= np.linalg.norm(steps, axis=1)[:, None]
-        turns.append(np.degrees(np.arccos((steps[1:] * steps[:-1]).sum(axis=1).clip(-1, 1))).max())
-    return np.array(turns)
+    return np.array([turns_of(lines.line(i)[1:-1]).max() for i in range(len(lines))])
 
 
 def test_fibres_are_inside_of_the_phantoms_and_run_along_them(hip):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from bent_muscle import bent_tube, half_circle, letter_s
 from oracles import igl
-from shapes import closed_surface
+from shapes import closed_surface, turns_of
 
 from vtkmuscle.core.morphing import isolines
 from vtkmuscle.core.morphing.isolines import IsolineCourse, attachment_field, morph_by_isolines
@@ -51,12 +51,6 @@ def lengths(fibres):
     return np.linalg.norm(np.diff(fibres, axis=1), axis=2).sum(axis=1)
 
 
-def largest_turn(fibres):
-    steps = np.diff(fibres, axis=1)
-    steps /= np.linalg.norm(steps, axis=2, keepdims=True)
-    return np.degrees(np.arccos((steps[:, 1:] * steps[:, :-1]).sum(axis=2).clip(-1, 1))).max()
-
-
 @pytest.fixture(scope="module")
 def half_turn():
     return bent_tube(half_circle(), RADIUS)
@@ -74,7 +68,7 @@ def test_fibres_of_a_muscle_bent_by_180_degrees_have_their_known_lengths(half_tu
     assert np.ptp(fibres[..., 1], axis=1).max() < 0.1 * RADIUS
     assert np.abs(lengths(fibres) / (np.pi * from_axis.mean(axis=1)) - 1).max() < 0.01
     assert np.ptp(from_axis.mean(axis=1)) > 1.5 * RADIUS  # they fill the muscle
-    assert largest_turn(fibres) < 20
+    assert turns_of(fibres).max() < 20
     angles = np.arctan2(fibres[..., 2], fibres[..., 0])
     assert np.abs(np.abs(angles) - np.linspace(0, np.pi, 16)).max() < 0.05  # and are evenly divided
     planes = by_planes(cube, transform, half_turn[:2])
@@ -89,7 +83,7 @@ def test_fibres_of_a_muscle_bent_in_an_s_have_their_known_lengths(double_bend):
     # What is outside in one bend is inside in the other: all fibres are equally long.
     assert np.abs(halves[0] + halves[1]).max() < 0.2 * RADIUS
     assert np.abs(lengths(fibres) / (np.pi * (100 + halves[0] + halves[1])) - 1).max() < 0.02
-    assert largest_turn(fibres) < 30
+    assert turns_of(fibres).max() < 30
     assert not by_planes(cube, transform, double_bend[:2]).suits
 
 
