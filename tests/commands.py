@@ -19,6 +19,7 @@ def refused(*arguments):
     """Run a command that is refused, expect a line for each fault and nothing else, and return them."""
     done = vtkmuscle_(*arguments, status=Status.BAD_INPUT)
     assert done.stderr
+    assert not done.stdout or arguments[0] == "info"  # which names each file first
     assert all(line.startswith("error: ") and len(line) < 600 for line in done.stderr.splitlines())
     return done.stderr
 
