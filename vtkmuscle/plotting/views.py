@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkTriangleFilter, vtkTubeFilter
 
-from vtkmuscle.core.mesh.normals import vertex_normals
-from vtkmuscle.core.mesh.sampling import PatchSamples
+from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import blocks_of, points_of, polylines_from, polylines_of, triangles_of
@@ -79,7 +78,15 @@ class DrawnBones:
 
 def spread_over(points: Floats, triangles: Ints) -> Floats:
     """Return reproducible points spread over a surface evenly by area."""
-    return PatchSamples(points, triangles, np.arange(len(points))).dense(SPREAD)
+    doubled = np.linalg.norm(triangle_normals(points, triangles), axis=1)
+    if not doubled.any():
+        return points
+    reached = np.cumsum(doubled)
+    chosen = np.searchsorted(reached, (np.arange(SPREAD) + 0.5) / SPREAD * reached[-1])
+    a, b, c = points[triangles[np.minimum(chosen, len(triangles) - 1)].T]
+    u, v = np.random.default_rng(0).random((2, SPREAD, 1))
+    u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
+    return np.asarray(a + u * (b - a) + v * (c - a))
 
 
 def clustered(points: Floats, triangles: Ints, area: float, wanted: int) -> tuple[Ints, Ints]:
@@ -153,8 +160,8 @@ def choose_view(muscles: Sequence[vtkPolyData], bones: Sequence[vtkMultiBlockDat
     bones : sequence of vtkMultiBlockDataSet
         The bones of the frames.
     """
-    hiding = ([np.zeros((0, 3)), *(_spread(block) for _, block in blocks_of(frame))] for frame in bones)
-    return clearest_view(muscles, [np.vstack(of_frame) for of_frame in hiding])
+    spread = ([_spread(block) for _, block in blocks_of(frame)] for frame in bones)
+    return clearest_view(muscles, [np.vstack([np.zeros((0, 3)), *of_frame]) for of_frame in spread])
 
 
 def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats]) -> View:
