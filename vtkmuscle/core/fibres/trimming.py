@@ -6,6 +6,7 @@ doi:10.1007/978-3-642-38241-3_3.
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.fibres.between_areas import AT_ONCE
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh import polylines
 from vtkmuscle.core.mesh.normals import angles_between
 from vtkmuscle.core.mesh.sampling import PatchSamples
@@ -266,32 +268,52 @@ def _extended(line: Floats, direction: Floats, height: float, area: TriangleTree
 def closest_to_ray(start: Floats, ahead: Floats, tree: TriangleTree) -> Floats:
     """Return the point (3,) of a tree's triangles closest to a ray.
 
-    The ray has a start (3,) and a unit direction (3,). Of equal points the first along the ray. The point is
-    on a side (Ericson 2005, *Real-time collision detection*, section 5.1.9), nearest to the start, or where
-    the ray passes through a triangle.
+    The ray has a start (3,) and a unit direction (3,). Of equal points the first along the ray.
     """
-    corners = tree.points[tree.triangles]
-    sides, back = np.roll(corners, -1, axis=1) - corners, start - corners
-    squares, along = (sides**2).sum(axis=2), sides @ ahead
-    to_side, to_ray = (sides * back).sum(axis=2), back @ ahead
-    apart = squares - along**2
-    share = np.divide(
-        to_side - along * to_ray, apart, out=np.zeros(apart.shape), where=apart > 1e-14 * squares
-    )
-    share = share.clip(0.0, 1.0)
-    before = share * along < to_ray  # the side's point is behind the start
-    at_start = np.divide(to_side, squares, out=np.zeros(apart.shape), where=squares > 0.0).clip(0.0, 1.0)
-    feet = corners + np.where(before, at_start, share)[..., None] * sides
-    normals = np.cross(back, sides)
-    turns = normals @ ahead
-    above = (normals[:, 0] * -back[:, 2]).sum(axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        met = above / turns.sum(axis=1)
-    through = (turns.min(axis=1) >= 0.0) | (turns.max(axis=1) <= 0.0)
-    met = met[through & (met >= 0.0) & np.isfinite(met)]
-    places = np.vstack([tree.nearest(start[None])[1], feet.reshape(-1, 3), start + met[:, None] * ahead])
-    forward = np.maximum((places - start) @ ahead, 0.0)
-    away = np.linalg.norm(start + forward[:, None] * ahead - places, axis=1)
-    away[len(places) - len(met) :] = 0.0
-    closest: Floats = places[np.lexsort((forward, away))[0]]
+    low, high = np.hsplit(tree.boxes[1 - len(tree.leaves) :], 2)
+    balls = np.column_stack([0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)])  # round leaves
+    closest: Floats = tree.nearest(start[None])[1][0]
+    _approach(start, ahead, tree.points, tree.triangles, tree.order, tree.leaves, balls, closest)
     return closest
+
+
+@kernel
+def _approach(
+    start: Floats, ahead: Floats, points: Floats, triangles: Ints, order: Ints, leaves: Ints, balls: Floats,
+    closest: Floats,
+) -> None:  # fmt: skip
+    """Move the point nearest to a ray's start to the point of triangles closest to the ray."""
+    x, y, z, u, v, w = start[0], start[1], start[2], ahead[0], ahead[1], ahead[2]
+    first, least = 0.0, math.sqrt((closest[0] - x) ** 2 + (closest[1] - y) ** 2 + (closest[2] - z) ** 2)
+    for leaf in range(len(balls)):
+        dx, dy, dz = balls[leaf, 0] - x, balls[leaf, 1] - y, balls[leaf, 2] - z
+        t = max(dx * u + dy * v + dz * w, 0.0)
+        if math.sqrt((dx - t * u) ** 2 + (dy - t * v) ** 2 + (dz - t * w) ** 2) > least + balls[leaf, 3]:
+            continue
+        for number in range(leaves[leaf], leaves[leaf + 1]):
+            triangle = triangles[order[number]]
+            low, high, across, above = 0.0, 0.0, 0.0, 0.0
+            opposite = points[triangle[2]]
+            for side in range(3):
+                a, b = points[triangle[side]], points[triangle[side - 2]]
+                dx, dy, dz = x - a[0], y - a[1], z - a[2]
+                ex, ey, ez = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+                nx, ny, nz = dy * ez - dz * ey, dz * ex - dx * ez, dx * ey - dy * ex
+                turn = nx * u + ny * v + nz * w
+                low, high, across = min(low, turn), max(high, turn), across + turn
+                if side == 0:
+                    above = nx * (opposite[0] - x) + ny * (opposite[1] - y) + nz * (opposite[2] - z)
+                ee, eu = ex * ex + ey * ey + ez * ez, ex * u + ey * v + ez * w
+                ed, du = ex * dx + ey * dy + ez * dz, dx * u + dy * v + dz * w
+                apart = ee - eu * eu  # Ericson 2005, section 5.1.9
+                s = min(max((ed - eu * du) / apart, 0.0), 1.0) if apart > 1e-14 * ee else 0.0
+                t = s * eu - du
+                if t < 0.0:
+                    s, t = min(max(ed / ee, 0.0), 1.0) if ee > 0.0 else 0.0, 0.0
+                dx, dy, dz = a[0] + s * ex, a[1] + s * ey, a[2] + s * ez
+                away = math.sqrt((x + t * u - dx) ** 2 + (y + t * v - dy) ** 2 + (z + t * w - dz) ** 2)
+                if away < least or (away == least and t < first):
+                    least, first, closest[0], closest[1], closest[2] = away, t, dx, dy, dz
+            t = above / across
+            if low * high == 0.0 and 0.0 <= t < (first if least == 0.0 else math.inf):  # through the triangle
+                least, first, closest[0], closest[1], closest[2] = 0.0, t, x + t * u, y + t * v, z + t * w
