@@ -23,7 +23,7 @@ PAPER, HOW_RIGHT = DOCS / "validation/paper_tables", DOCS / "validation/how_righ
 #: Scripts of tables beside those of ``how_right.py``.
 SCRIPTS = {"battery": "battery.py", **dict.fromkeys(("stated", "stated_cover"), "stated_errors.py")}
 #: Filters that no table is made with.
-WITHOUT_TABLES = {"AttachmentEstimator", "FibreField", "LabelSurfaces"}
+WITHOUT_TABLES = {"AttachmentEstimator", "LabelSurfaces"}
 
 
 def settings() -> str:

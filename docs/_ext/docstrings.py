@@ -16,9 +16,10 @@ _filters_before: list[Any] = []
 #: The gallery's examples by the folder of each, in the order in which a reader may want them.
 _EXAMPLES = {
     "first": "quickstart papers_chain two_deformers hip landmark_ring wrong_muscle compare model",
-    "joints": "moment_arm published_range moment_arms_chain places two_joints knee gait_cycle opensim_model",
+    "joints": "moment_arm published_range moment_arms_chain places two_joints knee joint_centre gait_cycle "
+    "opensim_model",
     "fibres": (
-        "fibres_2012 fibre_templates own_template pennate_block pennate_belly surfaces_alone fibre_field "
+        "fibres_2012 fibre_templates own_template pennate_block pennate_belly surfaces_alone "
         "superficial_fibres fibre_ends"
     ),
     "program": "branching_pipeline time_slider animated_hip fixed_points iliacus",

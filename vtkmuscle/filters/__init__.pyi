@@ -11,7 +11,6 @@ from .base import (
     via_rings_of as via_rings_of,
 )
 from .bone_motion import BoneMotion as BoneMotion
-from .fibre_field import FibreField as FibreField
 from .fibre_metrics import FibreMetrics as FibreMetrics
 from .fibre_smoother import FibreSmoother as FibreSmoother
 from .fibre_source import FibreSource as FibreSource

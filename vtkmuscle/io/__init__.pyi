@@ -1,5 +1,4 @@
 from .fibre_table import (
-    febio_axes as febio_axes,
     muscle_summary as muscle_summary,
     write_fibre_table as write_fibre_table,
 )

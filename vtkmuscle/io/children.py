@@ -21,7 +21,7 @@ def child_context() -> Any:
     if "forkserver" not in get_all_start_methods():
         return get_context("spawn")
     context = get_context("forkserver")
-    context.set_forkserver_preload(["vtkmuscle.run.server"])
+    context.set_forkserver_preload(["vtkmuscle.cli.server"])
     return context
 
 

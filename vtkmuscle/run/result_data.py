@@ -11,7 +11,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
+from vtkmuscle.core.moment_arms.of_joints import ErrorSources, JointArms, joint_arms
 from vtkmuscle.core.motion.coordinates import MILLIMETRES
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
@@ -217,8 +217,8 @@ class ResultData(ByName):
                 if coordinates not in track.arms:
                     levers, bows = track.levers(), levers_over_time(track.bows)
                     levers = {name: MILLIMETRES[self.units] * lever for name, lever in levers.items()}
-                    options: dict[str, Any] = {"crossed": crossed, "ratios": track.ratios, "bows": bows}
-                    options["sags"] = track.sags
+                    sources = ErrorSources(track.ratios, bows, track.sags)
+                    options: dict[str, Any] = {"crossed": crossed, "sources": sources}
                     track.arms[coordinates] = joint_arms(lengths, levers, motion, wanted, **options)
                 arms[name], without = track.arms[coordinates]
             except InputError as error:  # of this muscle alone, where others cross other coordinates

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.moment_arms.of_joints import joint_arms, quartic_moment_arms
+from vtkmuscle.core.moment_arms.of_joints import ErrorSources, joint_arms, quartic_moment_arms
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.phantoms.one_hinge import RADIUS, THICKNESS, strap_length
@@ -30,10 +30,9 @@ def test_the_sag_of_segments_is_a_part_of_the_error_of_an_angle(unit, sag):
     coordinate = Coordinate(q, unit)
     motion = RigidMotion(q, {"bone": np.tile(np.eye(4), (6, 1, 1))}, None, {"q": coordinate})
     lengths = 90.0 - 20.0 * coordinate.natural[:, None] + [-1.0, 0.0, 1.0]
-    options = {"ratios": 1.0, "sags": 0.8}
     (arms, _), (without, _) = (
-        joint_arms(lengths, {"q": np.full((6, 3), 20.0)}, motion, **settings)
-        for settings in (options, options | {"sags": 0.0})
+        joint_arms(lengths, {"q": np.full((6, 3), 20.0)}, motion, sources=ErrorSources(np.ones(6), {}, sags))
+        for sags in (np.full(6, 0.8), np.zeros(6))
     )
     np.testing.assert_allclose(arms["q"].errors["numerical"] - without["q"].errors["numerical"], sag)
 

@@ -44,7 +44,7 @@ class Field(NamedTuple):
 
 @lane
 def _note(field: Field, i: Integer, j: Integer, k: Integer, coarse: bool) -> None:
-    """Note the unknown among 3 x 3 x 3 nodes by the number of the first, or a coarse node by -1 - number."""
+    """Note unknown nodes by the number of the first of 3 x 3 x 3, a coarse node by -1 - number."""
     lacking = field.lacking
     _, height, depth = field.nodes.shape
     key = (i * height + j) * depth + k

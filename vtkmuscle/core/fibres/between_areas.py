@@ -17,7 +17,6 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.fibres.direction_field import NEIGHBOURS
 from vtkmuscle.core.fibres.measures import SIDES, section_areas
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.polylines import smooth_polylines
@@ -30,6 +29,9 @@ COARSE = 128
 #: Passes in which fibres that leave the muscle are smoothed and put back into it. With 16 fibres of ten
 #: muscles of a hip and a knee, straight otherwise, are shorter by at most 0.5 %, with 4 longer by 0.6 %.
 BENDS = 8
+#: Neighbouring fibres. For left-out measured tracts (medial gastrocnemius, 395) the median error of
+#: a direction is 2.1 degrees with 6 to 16 of them, 2.2 with 4, 2.7 with the nearest alone.
+NEIGHBOURS = 8
 #: Sections of a muscle across straight fibres: with 16 filled parts of 35 muscles differ by at most 6 %.
 ACROSS = 8
 

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array, vstack
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.fibres.between_areas import halved
-from vtkmuscle.core.fibres.direction_field import NEIGHBOURS
+from vtkmuscle.core.fibres.between_areas import NEIGHBOURS, halved
 from vtkmuscle.core.fibres.mean_value import coordinate_mesh, mean_value_coordinates, transport, weights_of
 from vtkmuscle.core.jit import reduction
 from vtkmuscle.core.mesh.normals import unit_vectors

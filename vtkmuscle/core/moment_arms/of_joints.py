@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyfit, polyval
@@ -47,10 +49,22 @@ def known_coordinates(
     return names
 
 
+class ErrorSources(NamedTuple):
+    """Sources of the errors of mean moment arms, for each frame (f,).
+
+    ratios : mean lengths relative to rest; NaN where mean arms have no error;
+    bows : by coordinate, parts of the mean levers that are of bows off the bones [mm];
+    sags : depths of the paths' straight segments in the bones [mm].
+    """
+
+    ratios: Floats = np.array(np.nan)
+    bows: Mapping[str, Floats] = MappingProxyType({})
+    sags: Floats = np.array(0.0)
+
+
 def joint_arms(
     lengths: ArrayLike, levers: Mapping[str, Floats], motion: RigidMotion, names: Sequence[str] | None = None,
-    *, crossed: Sequence[str] | None = None, ratios: ArrayLike = np.nan,
-    bows: Mapping[str, Floats] | None = None, sags: ArrayLike = 0.0,
+    *, crossed: Sequence[str] | None = None, sources: ErrorSources | None = None,
 ) -> tuple[dict[str, JointArms], dict[str, str]]:  # fmt: skip
     """Return moment arms of paths by each coordinate.
 
@@ -60,9 +74,7 @@ def joint_arms(
     motion : RigidMotion, motion with coordinates, and a time for each of the f frames;
     names : sequence of str, wanted coordinates; default: all;
     crossed : sequence of str, coordinates of the joints that the muscle crosses; default: all;
-    ratios : (f,)_like, mean lengths relative to rest; NaN: mean arms have no errors;
-    bows : mapping of str to (f,), parts of the mean levers that are of bows off the bones [mm];
-    sags : (f,)_like, depths of the paths' straight segments in the bones [mm].
+    sources : ErrorSources, of the errors of mean arms; default: mean arms have no errors.
 
     Returns arms : dict of str to JointArms, moment arms [mm, or without unit by a translation];
     refused : dict of str to str, reasons for missing moment arms by further coordinates.
@@ -72,7 +84,7 @@ def joint_arms(
     checked_coordinates(motion, names or ())
     with_levers = [name for name, lever in levers.items() if np.isfinite(lever).any()]
     candidates = known_coordinates(motion, crossed, with_levers)
-    curves = np.asarray(lengths, dtype=np.float64)
+    curves, known = np.asarray(lengths, dtype=np.float64), sources or ErrorSources()
     arms: dict[str, JointArms] = {}
     refused: dict[str, str] = {}
     for name in candidates:
@@ -89,8 +101,8 @@ def joint_arms(
             with suppress(ValueError):  # too few values for a quartic
                 quartic, residuals = quartic_moment_arms(curves[frames], q.natural[frames])
         slopes = slopes_by(motion, name, candidates, curves, 2)[frames]
-        of_mean, sag = (np.broadcast_to(np.asarray(x, float), len(curves))[frames] for x in (ratios, sags))
-        bow = (bows or {}).get(name, np.zeros(len(curves)))[frames]
+        of_mean, sag = (np.broadcast_to(x, len(curves))[frames] for x in (known.ratios, known.sags))
+        bow = known.bows.get(name, np.zeros(len(curves)))[frames]
         by_frame = frames, q.values[frames], of_mean, bow, sag * (q.unit in ANGLES), lever[frames], slopes
         held = [motion.coordinates[other].values[frames] for other in candidates if other != name]
         fixed = np.round([q.values[frames] * 0.0, *held], 9)

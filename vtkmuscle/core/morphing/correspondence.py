@@ -97,7 +97,7 @@ def _cheapest_chain(costs: Floats, twists: Floats) -> Ints:
 
 
 def loop_lengths(loop: Floats) -> Floats:
-    """Return arc lengths (n + 1,) up to each vertex of a loop (n, k), and the perimeter as the last."""
+    """Return arc lengths (n + 1,) up to each vertex of a loop (n, k), the perimeter last."""
     return np.append(0.0, np.cumsum(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1)))
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, TypeVar
 
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSet
+from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkDemandDrivenPipeline, vtkExecutive
 
 from vtkmuscle.core.errors import InputError
@@ -142,18 +142,6 @@ class Algorithm(VTKPythonAlgorithmBase):
                 if (data := _DATA.Get(info)) is not None:
                     data.ReleaseData()
             return 0
-
-    def RequestDataObject(self, request: Any, inInfo: Any, outInfo: Any) -> int:
-        """Create outputs of the first input's class."""
-        for number, port in enumerate(self.output_ports):
-            if port.kind is vtkDataSet:
-                self.check_connections()
-                source = _DATA.Get(inInfo[0].GetInformationObject(0))
-                info = outInfo.GetInformationObject(number)
-                made = _DATA.Get(info)
-                if made is None or made.GetClassName() != source.GetClassName():
-                    _DATA.Set(info, source.NewInstance())
-        return 1
 
     def RequestInformation(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Announce the filter's time steps."""
