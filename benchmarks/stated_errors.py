@@ -21,8 +21,9 @@ from how_right import N_FIBRES, Floats, Known, Table, _by_angle, _by_coordinate,
 from scipy.interpolate import CubicSpline
 
 from vtkmuscle.core.fibres.measures import MODEL
-from vtkmuscle.core.moment_arms.of_joints import joint_arms
+from vtkmuscle.core.moment_arms.of_joints import ErrorSources, joint_arms
 from vtkmuscle.core.paths.sheet import POINTS
+from vtkmuscle.data.arrays import cell_array
 from vtkmuscle.data.paths import levers_over_time
 from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run.frames import MuscleTrack
@@ -93,14 +94,16 @@ def stated(case: Known, n_fibres: int = N_FIBRES, **paths: int) -> dict[str, Sta
     given = muscle, case.phantom.bones, case.motion, case.phantom.attachments[name]
     settings = {"fixing": {}, "fibres": {"n_fibres": n_fibres}, "paths": paths}
     taut = MusclePipeline(*given, deformer="none", **settings).taut_paths
-    track, rest = MuscleTrack(), int(np.abs(case.places).argmin())
-    for time in case.motion.times:
-        track.add_lengths(taut.update(time=float(time)).output, 1.0)
+    track, rest, sags = MuscleTrack(), int(np.abs(case.places).argmin()), np.zeros(len(case.motion.times))
+    for number, time in enumerate(case.motion.times):
+        paths = taut.update(time=float(time)).output
+        track.add_lengths(paths, 1.0)
+        sags[number] = np.percentile(cell_array(paths, "Sag", "paths"), 95)
     change, found = np.mean(track.lengths, axis=1) - track.rest_lengths.mean(), {}
     known = case.answers
     if case.quantity == "moment arm":
-        more = {"ratios": track.ratios, "bows": levers_over_time(track.bows)}
-        (arms,) = joint_arms(track.lengths, track.levers(), case.motion, **more)[0].values()
+        sources = ErrorSources(track.ratios, levers_over_time(track.bows), sags)
+        (arms,) = joint_arms(track.lengths, track.levers(), case.motion, sources=sources)[0].values()
         found["arm"] = Stated(np.abs(arms.mean - case.answers[arms.frames]), dict(arms.errors))
         order = np.argsort(case.places)
         angles = np.radians(case.places)

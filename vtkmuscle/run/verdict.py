@@ -212,7 +212,7 @@ def further_reasons(muscle: Judged, odd: Sequence[SceneError]) -> Iterator[Reaso
 def _concerns(key: str, muscle: Judged) -> bool:
     """Return whether a key concerns a muscle."""
     own = key.removeprefix("guessed.")
-    if own.startswith("muscles."):
+    if own.startswith("muscles.") or key.startswith("units"):  # the scale is no property of a muscle
         return own.startswith(f"muscles.{muscle.name}.")
     crossed = muscle.scene.muscles[muscle.name].crosses
     moved = muscle.scene.joints.get(key.removeprefix("guessed.joints.").partition(".")[0])
