@@ -118,7 +118,7 @@ class MuscleAccessor(Remedies):
     def plot(
         self, *, fibres: Any = None, bones: Any = None, show: bool = True, off_screen: bool | None = None
     ) -> Any:
-        """Show the muscle. With fibres and bones in the same pose, in a window or a cell of a notebook.
+        """Show the muscle in a window or notebook. With fibres and bones.
 
         With ``show=False`` the plotter is returned before it is shown; ``off_screen`` is PyVista's own
         setting by default.

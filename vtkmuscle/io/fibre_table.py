@@ -70,7 +70,7 @@ def spread(values: NDArray[np.float64]) -> dict[str, float]:
 
 
 def write_fibre_table(fibres: vtkPolyData, path: str | PathLike[str]) -> Path:
-    """Write the measures of fibres as CSV. A row per fibre and a column per cell array; return the file.
+    """Write the measures of fibres as CSV: a row per fibre, a column per array.
 
     Parameters
     ----------

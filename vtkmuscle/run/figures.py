@@ -33,7 +33,7 @@ FORMS = ("png", "pdf", "svg")
 
 
 class Drawing:
-    """The figures of a run in a folder. The processes of a pool draw them while muscles are solved."""
+    """The figures of a run in a folder, drawn by a pool."""
 
     def __init__(self, folder: Path, pool: Pool | None, bones: DrawnBones) -> None:
         self._folder, self._pool, self._bones, self._orders = folder, pool, bones, list[FigureOrder]()

@@ -266,7 +266,7 @@ def _fascicles(muscle: Judged) -> Iterator[Reason]:
 
 
 def _arms(muscle: Judged, arms: JointArms) -> Iterator[Reason]:
-    """Yield moment arms that do not fit the muscle, its lengths or what is published, at the worst value."""
+    """Yield moment arms that fit neither the muscle nor published ones."""
     mean, frames = arms.mean, arms.frames.tolist()
     if arms.unit not in ANGLES or not np.isfinite(mean).any():
         return

@@ -263,7 +263,7 @@ def _direction(
 
 
 def _steps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
-    """Yield the largest jump of the motion. Steps are of all bones, as bones on a grid move in turn."""
+    """Yield the largest jump of the motion, among steps of all bones."""
     steps, limits = np.zeros(len(scene.motion.times) - 1), CHECKS["jump"]
     for bone in scene.motion.transforms.keys() & anatomy.bones.keys():
         table, points = scene.motion.transforms[bone], anatomy.bones[bone].points

@@ -44,7 +44,7 @@ class Field(NamedTuple):
 
 @lane
 def _note(field: Field, i: Integer, j: Integer, k: Integer, coarse: bool) -> None:
-    """Note unknown nodes by the number of the first of 3 x 3 x 3, a coarse node by -1 - number."""
+    """Note unknown nodes: the number of the first of 27, or -1 - a coarse node's."""
     lacking = field.lacking
     _, height, depth = field.nodes.shape
     key = (i * height + j) * depth + k
@@ -150,7 +150,7 @@ def look_at(field: Field, x: float, y: float, z: float) -> tuple[float, float, f
 def _over_plane(
     field: Field, i: Integer, j: Integer, k: Integer, v: float, w: float
 ) -> tuple[float, float, float, bool]:
-    """Return the value at v, w between 3 x 3 nodes of a plane, its growth, and whether all are known."""
+    """Return the value at v, w between nodes of a plane, its growth, and completeness."""
     here0, onward0, all0 = _over_line(field, i, j, k, w)
     here1, onward1, all1 = _over_line(field, i, j + 1, k, w)
     here2, onward2, all2 = _over_line(field, i, j + 2, k, w)

@@ -20,7 +20,7 @@ MOST_REPAIRED = 0.01
 
 
 def half_edges(triangles: Ints) -> Ints:
-    """Return directed edges (3 m, 2) of triangles (m, 3). In turn (a, b), (b, c), (c, a) of each triangle."""
+    """Return directed edges (3 m, 2) of triangles (m, 3): (a, b), (b, c), (c, a)."""
     return triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
 
 

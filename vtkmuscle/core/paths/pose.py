@@ -286,7 +286,7 @@ class SheetPose:
 
 
 def _rate(slopes: Sequence[float]) -> tuple[float, float]:
-    """Return the ratio of coming steps to those before, and the square of the last, as a geometric series.
+    """Return the ratio of steps, as a geometric series, and the last square.
 
     Slopes are minus squares of steps. The larger of the last two ratios counts, but all steps to come are no
     longer than :data:`ITERATIONS` last ones: steps that are rounding have any ratio.
