@@ -35,7 +35,7 @@ _LENGTH = "length, bone to bone"
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A quantity of a muscle over a coordinate or time. Mean (n,) of all paths or fibres at positions x (n,).
+    """A quantity of a muscle over a coordinate or time: means (n,) at positions x (n,).
 
     ``over`` is the name and unit of the horizontal axis, ``unit`` that of the quantity. A grid of coordinates
     has frame numbers as positions, and values of the coordinates as ``poses`` (n, c).

@@ -236,7 +236,7 @@ def _middle(curve: Any) -> Any:
 
 
 def _rms(parts: Sequence[Any]) -> float:
-    """Return the root mean square of all numbers. NaN of none; a frame that did not settle has none."""
+    """Return the root mean square of all numbers, or NaN."""
     root = root_mean_square(np.concatenate([*parts, np.empty(0)]))
     return np.nan if root is None else root
 

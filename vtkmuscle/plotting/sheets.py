@@ -147,7 +147,7 @@ def save_sheets(table: Any, figure: Figure, folder: Path, name: str, *, digits: 
 
 
 def save_figure(figure: Figure, path: Path, form: str = "png", dpi: float = SCREEN) -> None:
-    """Write a figure as png, pdf or svg, all or nothing. Text and lines stay vectors in pdf and svg."""
+    """Write a figure as png, pdf or svg, all or nothing; vectors stay."""
     options: dict[str, Any] = {"pil_kwargs": {"compress_level": 1}}
     if form != "png":
         options = {"metadata": {{"pdf": "CreationDate", "svg": "Date"}[form]: None}}

@@ -243,7 +243,10 @@ def even_stretches(motion: RigidMotion) -> Ints:
 
 
 def distances_moved(motion: RigidMotion) -> Floats:
-    """Return the motion of bones up to each frame, (k,). A still step is a hundredth of the largest."""
+    """Return the motion of bones up to each frame, (k,).
+
+    A still step counts as a hundredth of the largest.
+    """
     sizes = [np.linalg.norm(moved, axis=1) for moved in chain(*_moves(motion))]
     steps = np.sum([np.zeros(len(motion.times) - 1), *sizes], axis=0)
     return np.cumsum([0.0, *np.maximum(steps, 0.01 * steps.max(initial=0.0) or 1.0)])

@@ -61,7 +61,7 @@ class HistoryFilter(Filter, Generic[Frame]):
 
     @property
     def path(self) -> list[Time]:
-        """Times of the frames up to the requested time. It is at most the last step; [None] without steps."""
+        """Times of the frames up to the requested time. [None] without steps."""
         time, steps = self.request_time, self._steps
         if time is None or not steps:
             return [time]
