@@ -201,7 +201,7 @@ def _bows(
 def _paths_at_rest(
     muscle: FixedMuscle, bones: Mapping[int, Bone], resolution: int, n_paths: int
 ) -> tuple[KeptPoses, Any, Any] | None:
-    """Return the paths, the bones of all ends, and the free shares of bows at rest; None for no paths."""
+    """Return the paths, their ends' bones, and free shares of bows; None without paths."""
     points, triangles, fixed_to, fibres, rings = muscle
     with errors_at("rest_muscle"):
         lines = fibres or lines_on_surface(points, mesh_topology(len(points), triangles), fixed_to)

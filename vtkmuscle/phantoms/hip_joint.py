@@ -68,7 +68,7 @@ def upper_femur(head_radius: float = HEAD_RADIUS) -> Solid:
 
 
 def _outline(sheet: Floats, along: Interval, across: Interval, count: int, *, closed: bool = True) -> Floats:
-    """Return a rounded loop, or an open curve, (count, 3) in the parameters of a sheet of knots [mm]."""
+    """Return a rounded loop or an open curve (count, 3) in a sheet's parameters."""
     if closed:  # a superellipse: nearly a rectangle, with round corners
         angles = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
         u, v = (np.sign(wave) * np.abs(wave) ** 0.55 for wave in (np.sin(angles), np.cos(angles)))

@@ -142,7 +142,7 @@ class BoneContacts:
         return np.asarray(sags.max(axis=1))
 
     def passed(self, seen: Proximity, now: Proximity) -> tuple[Bools, Bools]:
-        """Return which paths have passed through a bone since they were seen, and which were looked at, (f,).
+        """Return which paths (f,) have passed through a bone, and which were looked at.
 
         A path may slip between its points over a thin bone. Then the way from a place on the path to the
         nearest place on the path before leads through the bone, and both places are outside. A path that
