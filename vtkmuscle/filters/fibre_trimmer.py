@@ -128,7 +128,8 @@ def _end_area(role: str, areas: Areas, geometry: MuscleGeometry, ends: Floats) -
 def _discs_of(areas: Areas, geometry: MuscleGeometry) -> tuple[PatchSamples | None, PatchSamples | None]:
     """Return the discs deep in a muscle, and those on its surface.
 
-    None for none. A disc is deep where half of it is deeper than a mean edge. Discs over rings around hollow or bulging areas do not belong to the surface.
+    None for none. A disc is deep where half of it is deeper than a mean edge. Discs over rings around hollow
+    or bulging areas do not belong to the surface.
     """
     inner, flat = [], []
     for ring in (area.landmarks for area in areas if area.closed):
