@@ -21,20 +21,17 @@ def child_context() -> Any:
     if "forkserver" not in get_all_start_methods():
         return get_context("spawn")
     context = get_context("forkserver")
-    context.set_forkserver_preload(["vtkmuscle.cli.server"])
+    context.set_forkserver_preload(["vtkmuscle.run.pool", "vtkmuscle.cli"])
     return context
 
 
 def start_early(workers: int | None) -> None:
-    """Start processes that load while this process does: a server of children, and the files' reader."""
+    """Start the server of child processes, to load the package while this process does."""
     if workers != 1 and processors() > 1 and child_context().get_start_method() == "forkserver":
         from multiprocessing import forkserver  # noqa: PLC0415 -- not known to Windows
 
         with interrupts_blocked():
             forkserver.ensure_running()
-    from vtkmuscle.io.in_child import start_reader  # noqa: PLC0415 -- it loads VTK
-
-    start_reader()
 
 
 @contextmanager

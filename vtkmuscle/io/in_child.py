@@ -195,12 +195,6 @@ class _Child:
         problem = f"the file is damaged, or takes too much memory: VTK's reader ended with {name}"
         raise InputError(path, problem, _REMEDY)
 
-    def start(self) -> None:
-        """Start the process before the first question."""
-        if is_python():
-            with self._lock:
-                self._running()
-
     def _running(self) -> Any:
         """Return a running process of this process; start one if necessary."""
         if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
@@ -224,5 +218,4 @@ class _Child:
 
 
 _child = _Child()
-start_reader = _child.start
 atexit.register(_child.close)
