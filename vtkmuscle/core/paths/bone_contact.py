@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.lookup import STEEPEST, Field, least_distance_at, look_at
@@ -51,11 +52,18 @@ class Proximity(NamedTuple):
     gaps: Floats
     normals: Floats
 
-    def renewed(self, now: Proximity, chosen: Bools) -> Proximity:
-        """Return the proximity of now for chosen paths (f,), and this one for all others."""
+
+class Seen(NamedTuple):
+    """Points and gaps of a :class:`Proximity`, in single precision: every kept pose has them."""
+
+    points: NDArray[np.float32]
+    gaps: NDArray[np.float32]
+
+    def renewed(self, now: Seen, chosen: Bools) -> Seen:
+        """Return those of now for chosen paths (f,), and these for all others."""
         rows = np.repeat(chosen, self.gaps.shape[1] // len(chosen))
         points = np.where(rows[:, None], now.points, self.points)
-        return self._replace(points=points, gaps=np.where(rows, now.gaps, self.gaps))
+        return Seen(points, np.where(rows, now.gaps, self.gaps))
 
 
 class Load(NamedTuple):
@@ -141,7 +149,7 @@ class BoneContacts:
             sags[a, i] = np.maximum(sags[a, i], kept - distance)
         return np.asarray(sags.max(axis=1))
 
-    def passed(self, seen: Proximity, now: Proximity) -> tuple[Bools, Bools]:
+    def passed(self, seen: Seen, now: Seen) -> tuple[Bools, Bools]:
         """Return which paths (f,) have passed through a bone, and which were looked at.
 
         A path may slip between its points over a thin bone. Then the way from a place on the path to the

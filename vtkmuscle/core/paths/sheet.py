@@ -15,7 +15,7 @@ from vtkmuscle.core.mesh.surface import mean_thickness
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screws_between
 from vtkmuscle.core.motion.rigid import inverses
-from vtkmuscle.core.paths.bone_contact import BoneContacts, Proximity
+from vtkmuscle.core.paths.bone_contact import BoneContacts, Seen
 from vtkmuscle.core.paths.guides import ALL_PATHS, Guides, with_bones
 from vtkmuscle.core.paths.neighbours import neighbours_of, path_lengths
 from vtkmuscle.core.paths.pose import TOLERANCE, Sheet, SheetPose, farthest_of
@@ -58,7 +58,7 @@ class PathState:
     ends_moved : (2, f, 3), move of each end since the pose before, seen from the bone of the path's opposite
         end [mm];
     drift : (f, n, 3), displacement of the points from the positions after the move of the ends alone [mm];
-    seen : Proximity, of paths that were looked at last, outside of all bones;
+    seen : Seen, the paths when they were looked at last, outside of all bones;
     passed : (f,) bool, paths that have passed through a bone since rest;
     forces : callable, returns the settled pose of the sheet, None when the sheet has gone on.
     """
@@ -71,7 +71,7 @@ class PathState:
     steps: int
     ends_moved: Floats
     drift: Floats
-    seen: Proximity
+    seen: Seen
     passed: Bools
     forces: Callable[[], SheetPose | None] = lambda: None
     #: Levers in this pose by the twists' content.
@@ -280,8 +280,9 @@ class MusclePaths:
         settled = pose.settle(self._segment, tolerance, reach)
         self._latest = pose  # alive for the levers of this state
         now = self._sheet, pose.points, transforms, pose.ring_points, settled, pose.steps
-        none = np.zeros(len(start), dtype=np.bool_)
-        return PathState(*now, ends_moved, pose.points - carried, pose.near, none, weakref.ref(pose))
+        seen = Seen(pose.near.points.astype(np.float32), pose.near.gaps.astype(np.float32))
+        further = pose.points - carried, seen, np.zeros(len(start), dtype=np.bool_)
+        return PathState(*now, ends_moved, *further, weakref.ref(pose))
 
 
 def _carried_by(transforms: Floats, points: Floats) -> Floats:
