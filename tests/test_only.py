@@ -1,6 +1,7 @@
 """One output alone: the numbers of a whole run, by a shorter chain, and no other file."""
 
 from dataclasses import replace
+from itertools import count
 
 import pytest
 from numpy.testing import assert_allclose
@@ -8,10 +9,12 @@ from numpy.testing import assert_allclose
 from vtkmuscle import Scene, phantoms
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.paths.sheet import PathState
-from vtkmuscle.data.arrays import points_of
-from vtkmuscle.filters import FibreMetrics, PathDeformer
+from vtkmuscle.data.arrays import add_arrays, points_of
+from vtkmuscle.filters import FibreMetrics, PathDeformer, TautPaths
 from vtkmuscle.run import ONLY, run_only
 from vtkmuscle.run.table import Table
+
+EXECUTE = TautPaths.execute
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +37,21 @@ def test_lengths_and_moment_arms_are_those_of_a_run(scene, whole, tmp_path):
     assert set(arms["frame"]) == {0, 4, 8}
     names = {".vtkmuscle.json", "lengths.csv", "moment_arms.csv", "poses.csv"}
     assert {path.name for path in tmp_path.iterdir()} == names
+
+
+def test_paths_that_are_not_ok_are_warned_of(scene, monkeypatch):
+    shaky = count()
+
+    def execute(self, *inputs):
+        frame = EXECUTE(self, *inputs)
+        return add_arrays(frame, fields={"Passed": 0.5, "Unsettled": int(next(shaky) == 0)})
+
+    monkeypatch.setattr(TautPaths, "execute", execute)
+    with pytest.warns(UserWarning, match="muscles.spindle") as warned:
+        run_only(scene, "lengths", frames="0:9:4")
+    passed, unsettled = (str(each.message) for each in warned)
+    assert passed.startswith("muscles.spindle: 50 % of the paths have passed through a bone")
+    assert "do not come to rest in 33.3 % of the frames" in unsettled
 
 
 def test_surfaces_are_those_of_a_run(scene, whole, tmp_path):

@@ -29,7 +29,7 @@ from vtkmuscle.run.frames import MuscleTrack, RunOptions
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report_values import architecture_of, fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.store.writing import ResultWriter
-from vtkmuscle.run.verdict import judge, with_reasons
+from vtkmuscle.run.verdict import CHECKS, judge, with_reasons
 from vtkmuscle.scene.data import Anatomy, SceneData
 
 
@@ -124,7 +124,7 @@ class MuscleRun:
         """Compute the lengths, moment arms or surfaces of all frames alone."""
         pipeline, track, last = muscle_pipeline(self.scene, self.name), self.track, self.run.numbers[-1] + 1
         taut, deformer = pipeline.taut_paths, pipeline.deformer
-        track.report["frames"] = []
+        track.report["frames"], settling = [], []
         if taut is not None:
             taut.levers, taut.bows = output == "moment_arms", output == "lengths"
         for number in self.run.numbers:
@@ -137,6 +137,13 @@ class MuscleRun:
             if paths is None:
                 raise InputError(f"muscles.{self.name}", "the muscle has no paths", "add fibres")
             track.add_lengths(paths.data, self.scene.millimetres)
+            settling.append(_settling(pipeline))
+        for name, of_frames in (("passed paths", max), ("unsettled", np.mean)) if settling else ():
+            check = CHECKS[name]  # a whole run has a verdict
+            value = check.factor * of_frames([row[check.column] for row in settling])
+            if value > check.look:
+                words = f"{check.says.format(f'{value:.3g} {check.unit}')}; {check.do}"
+                warnings.warn(f"muscles.{self.name}: {words}", stacklevel=2)
         self._report_progress("done", 1.0)
 
     def _fill(self, rest: vtkPolyData, source: Filter, measure: MuscleMeasure) -> None:
