@@ -137,8 +137,10 @@ def test_fibres_that_run_together_or_wind_do_not_cross(rng):
 
 def test_hooks_and_turns_are_counted(rng):
     lines = sheet()
-    lines[:10, -1] = lines[:10, -2] - [0.5, 0.0, 1.0]
+    lines[:10, -4:] = lines[:10, -5, None] - np.arange(1.0, 5.0)[:, None] * [0.5, 0.0, 2.0]
     assert found(lines, inside(rng)).hooked == 0.25
+    bent = np.where(np.arange(31)[:, None] < 15, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]).cumsum(axis=0)
+    assert found(bent + sheet()[:, :1], inside(rng)).hooked == 0.0  # the muscle's course
     turn = np.pi * Z / 60.0
     bend = np.column_stack([30.0 * np.cos(turn), 0 * turn, 30.0 * np.sin(turn)])
     arcs = bend + np.arange(6.0)[:, None, None] * [0.0, 2.0, 0.0]

@@ -10,7 +10,7 @@ from numpy.polynomial import Polynomial
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.normals import angles_between, unit_vectors
-from vtkmuscle.core.mesh.polylines import curve_segments, evenly_spaced, nearest_arcs, polyline_lengths
+from vtkmuscle.core.mesh.polylines import curve_segments, evenly_spaced, hooks, nearest_arcs, polyline_lengths
 from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
 
 
@@ -105,7 +105,8 @@ class Arrangement(NamedTuple):
     """Measures of fibres at rest.
 
     `crossing` is the part of neighbours that change sides in the last eighth of their length, at the worse
-    end. `hooked` is the part of fibres with a turn of more than 90 degrees between two segments. `turning` is
+    end. `hooked` is the part of fibres that turn by 60 degrees more than the muscle's course, the mean of the
+    fibres, between a tenth of their length and the next. `turning` is
     the 95th percentile of the summed turns along a fibre [degrees]. `bare` is the part of the muscle's volume
     farther from any fibre than the side of a square with a fibre's share of the largest section: 0 for
     parallel fibres in a square or hexagonal pattern, exp(-pi), 4 %, for a random pattern.
@@ -132,8 +133,8 @@ def arrangement(points: Floats, offsets: Ints, samples: Floats, volume: float) -
         near = cKDTree(evenly_spaced(points, offsets, stations).reshape(-1, 3))
         bare = float((near.query(samples)[0] > spacing).mean())
     crossing = max(_crossing(lines, neighbours), _crossing(lines[:, ::-1], neighbours))
-    hooked = float(np.mean([turn.max(initial=0.0) > 90.0 for turn in turns]))  # where a fibre runs back
-    return Arrangement(crossing, hooked, float(np.percentile([turn.sum() for turn in turns], 95.0)), bare)
+    turning = float(np.percentile([turn.sum() for turn in turns], 95.0))
+    return Arrangement(crossing, hooks(points, offsets), turning, bare)
 
 
 def _turns(steps: Floats) -> Floats:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.normals import unit_vectors
+from vtkmuscle.core.mesh.normals import angles_between, unit_vectors
 from vtkmuscle.core.types import Floats, Ints
 
 
@@ -158,6 +158,21 @@ def segment_distances(points: Floats, a: Floats, b: Floats) -> Floats:
 #: presses. In nine muscles of a hip, an arm and a leg up to 20 % of the paths turn so round bones or tissue,
 #: by 30 degrees nearly all and by 90 none; 72 % over a fifth of the path, 2 % over a twentieth.
 TURNED_PART, TURNED = 0.1, 60.0
+#: Stations of a polyline in such a part, and in all.
+_STEP, _PARTS = 4, 41
+
+
+def _turns_of_parts(lines: Floats) -> Floats:
+    """Return the turns between a tenth and the next [degrees]. Of stations (k, n, 3), (k, m)."""
+    chords = unit_vectors(lines[:, _STEP:] - lines[:, :-_STEP])
+    return angles_between(chords[:, :-_STEP], chords[:, _STEP:])
+
+
+def hooks(points: Floats, offsets: Ints) -> float:
+    """Return the part of polylines that turn sharply against their mean course."""
+    lines = evenly_spaced(points, offsets, _PARTS)
+    against = _turns_of_parts(lines) - _turns_of_parts(lines.mean(axis=0, keepdims=True))
+    return float((against.max(axis=1) > TURNED).mean())
 
 
 def sharp_turns(paths: Floats) -> tuple[Ints, Floats, Floats]:
@@ -167,9 +182,6 @@ def sharp_turns(paths: Floats) -> tuple[Ints, Floats, Floats]:
     between the chords of a tenth of the path before and after.
     """
     points, offsets = paths.reshape(-1, 3), np.arange(len(paths) + 1) * paths.shape[1]
-    step = 4
-    lines = evenly_spaced(points, offsets, round(step / TURNED_PART) + 1)
-    chords = unit_vectors(lines[:, step:] - lines[:, :-step])
-    cosines = (chords[:, :-step] * chords[:, step:]).sum(axis=-1)
-    path, station = np.nonzero(cosines < np.cos(np.radians(TURNED)))
-    return path, lines[path, station + step], (0.5 * TURNED_PART * polyline_lengths(points, offsets))[path]
+    lines = evenly_spaced(points, offsets, _PARTS)
+    path, station = np.nonzero(_turns_of_parts(lines) > TURNED)
+    return path, lines[path, station + _STEP], (0.5 * TURNED_PART * polyline_lengths(points, offsets))[path]
