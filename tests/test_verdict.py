@@ -167,7 +167,7 @@ def test_where_there_are_no_fibres_that_is_told():
     ("check", "key", "look", "failed"),
     [
         ("crossed fibres", "crossing_share", 0.4, 0.9),
-        ("hooked fibres", "hooked_share", 0.1, 0.6),
+        ("hooked fibres", "hooked_share", 0.2, 0.6),
         ("winding fibres", "turning_p95_deg", 300.0, 600.0),
         ("bare", "bare_share", 0.2, 0.6),
     ],
