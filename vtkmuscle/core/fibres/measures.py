@@ -106,10 +106,10 @@ class Arrangement(NamedTuple):
 
     `crossing` is the part of neighbours that change sides in the last eighth of their length, at the worse
     end. `hooked` is the part of fibres that turn by 60 degrees more than the muscle's course, the mean of the
-    fibres, between a tenth of their length and the next. `turning` is
-    the 95th percentile of the summed turns along a fibre [degrees]. `bare` is the part of the muscle's volume
-    farther from any fibre than the side of a square with a fibre's share of the largest section: 0 for
-    parallel fibres in a square or hexagonal pattern, exp(-pi), 4 %, for a random pattern.
+    fibres, between a tenth of their length and the next. `turning` is the 95th percentile of the summed turns
+    along a fibre [degrees]. `bare` is the part of the muscle's volume farther from any fibre than the side of
+    a square with a fibre's share of the largest section: 0 for parallel fibres in a square or hexagonal
+    pattern, exp(-pi), 4 %, for a random pattern.
     """
 
     crossing: float
