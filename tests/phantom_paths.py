@@ -11,9 +11,10 @@ from phantoms.lifting_strap import fibre
 from phantoms.two_joint_strap import _middle_line
 
 from vtkmuscle.core.bones.bone import bone_of
+from vtkmuscle.core.mesh.polylines import evenly_spread
 from vtkmuscle.core.motion.coordinates import twist_about
 from vtkmuscle.core.motion.rigid import hinge
-from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread
+from vtkmuscle.core.paths.lines import bones_at_ends
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths
 from vtkmuscle.core.paths.via_rings import via_ring
 from vtkmuscle.data.arrays import blocks_of, point_array, points_of, polylines_of, triangles_of
@@ -76,10 +77,10 @@ class Strung:
         )
 
 
-def strung(phantom, n_fibres=FIBRES):
+def strung(phantom, n_fibres=FIBRES, resolution=15):
     """Return a phantom with paths."""
     ((name, muscle),) = phantom.muscles.items()
-    fibres = {"template": phantom.templates[name], "n_fibres": n_fibres}
+    fibres = {"template": phantom.templates[name], "n_fibres": n_fibres, "resolution": resolution}
     return strung_muscle(muscle, phantom.bones, phantom.attachments[name], fibres=fibres, phantom=phantom)
 
 

@@ -50,8 +50,8 @@ def test_paths_that_are_not_ok_are_warned_of(scene, monkeypatch):
     with pytest.warns(UserWarning, match="muscles.spindle") as warned:
         run_only(scene, "lengths", frames="0:9:4")
     passed, unsettled = (str(each.message) for each in warned)
-    assert passed.startswith("muscles.spindle: 50 % of the paths have passed through a bone")
-    assert "do not come to rest in 33.3 % of the frames" in unsettled
+    assert "muscles.spindle: failed, frame 0 (time 0): 50 % of the paths have passed" in passed
+    assert "do not come to rest in 33 % of the frames" in unsettled
 
 
 def test_surfaces_are_those_of_a_run(scene, whole, tmp_path):

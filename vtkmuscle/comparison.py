@@ -207,7 +207,8 @@ def muscle_curves(result: Result, muscle: str) -> list[Curve]:
     own = {name: q.values for name, q in every.items() if q.changes and (crossed is None or name in crossed)}
     times, poses = np.asarray(result.times, dtype=np.float64), None
     over = result.time_label.removeprefix("right ").removeprefix("left ")
-    if over in UNNAMED and own and is_grid([q.values for q in every.values() if q.changes]):
+    steps = np.abs(np.diff([q.values for q in every.values() if q.changes])) > SAME
+    if over in UNNAMED and own and len(steps) > 1 and (steps.sum(axis=0) <= 1).all():  # of a grid
         over = f"poses of {', '.join(label_of(side_apart(name)) for name in own)}"
         frames = np.asarray(result.frames)
         times, poses = frames.astype(np.float64), np.column_stack(list(own.values()))[frames]
@@ -226,11 +227,6 @@ def muscle_curves(result: Result, muscle: str) -> list[Curve]:
             of_frames = None if poses is None else poses[joint.frames]
             curves.append(_curve((quantity, over, unit), times[joint.frames], joint.arms, of_frames))
     return curves
-
-
-def is_grid(values: Sequence[Floats]) -> bool:
-    """Return whether several coordinates change, one in each step."""
-    return len(values) > 1 and bool((np.count_nonzero(np.abs(np.diff(values)) > SAME, axis=0) <= 1).all())
 
 
 def difference(curve: Curve, reference: Curve) -> tuple[float | None, ...]:

@@ -69,8 +69,8 @@ class Tradeoff:
     def cheapest(self, within: float) -> dict[str, Any]:
         """Return the settings with the least time within an error [mm].
 
-        The error is that of moment arms, or else lengths, to the deformer's limit, of the worst muscle. A
-        ValueError names the least error where no setting is within.
+        The error is that of moment arms, or else lengths, to the deformer's limit. Error and ``verdict`` are
+        of the worst muscle. A ValueError names the least error where no setting is within.
         """
         whole = self.table.where(muscle=ALL)
         arms = whole["moment_arm_rms_mm"]
@@ -80,7 +80,7 @@ class Tradeoff:
             least = "none has one" if np.isnan(errors).all() else f"the least is {np.nanmin(errors):.3g} mm"
             raise InputError("within", f"no setting has an error of {within:g} mm or less; {least}")
         best = int(allowed[np.argmin(whole["ms"][allowed])])
-        cheapest = {name: whole[name][best].item() for name in (*self.settings, "ms")}
+        cheapest = {name: whole[name][best].item() for name in (*self.settings, "verdict", "ms")}
         return cheapest | {"error_mm": float(errors[best])}
 
     def figure(self) -> Figure:

@@ -18,6 +18,8 @@ from vtkmuscle.data.attachments import (
 from vtkmuscle.filters import FibreMetrics, FibreSource
 from vtkmuscle.io import read_aponeurosis, read_polydata, read_surface
 from vtkmuscle.phantoms import spindle_over_hinge
+from vtkmuscle.phantoms.meshing import box
+from vtkmuscle.phantoms.phantom import ends
 from vtkmuscle.pipelines import decompose
 
 #: The block is 20 x 40 x 120 mm; fibres go from the lower half of x = 0 to the upper half of x = 20.
@@ -179,3 +181,28 @@ def test_sections_are_planes_where_the_areas_overlap(block):
     for areas, method in ((attachments, "harmonic"), (attachments_from(joined), "plane")):
         fibres = FibreSource(n_fibres=10, course="sections")(muscle, areas)
         assert arrays.field_string(fibres, "MorphMethod") == method
+
+
+@pytest.mark.parametrize("thickness", [1.5, 6.0])
+def test_fibres_fill_a_strap_that_is_bent_over_a_bone(thickness):
+    """They keep the middle of its thickness, and all of it: spacing is of its volume, not of its box."""
+    radius, straight, width = 30.0 + 0.5 * thickness, 60.0, 20.0
+    wound = 2.0 * straight + 0.5 * np.pi * radius
+    places, triangles = box(
+        (0.0, 0.0, -0.5 * thickness), (wound, width, 0.5 * thickness), max(thickness, 2.0)
+    )
+
+    def bent(flat):
+        turn = np.clip((flat[:, 0] - straight) / radius, 0.0, 0.5 * np.pi)
+        out, on = flat[:, 2] + radius, flat[:, 0] - straight - radius * turn
+        x, z = out * np.sin(turn) + on * np.cos(turn), out * np.cos(turn) - on * np.sin(turn)
+        return np.column_stack([x, flat[:, 1], z])
+
+    half = 0.5 * thickness
+    corners = np.array([[0.0, y, z] for z, ys in ((-half, (0, 10, 20)), (half, (20, 10, 0))) for y in ys])
+    muscle = arrays.surface_from(bent(places), triangles)
+    areas = attachments_from(ends("a", bent(corners), "b", bent(corners + np.array([wound, 0.0, 0.0]))))
+    fibres = arrays.points_of(FibreSource()(muscle, areas)).reshape(100, 16, 3)
+    heights = np.hypot(fibres[:, 7:9, 0], fibres[:, 7:9, 2]) - radius
+    assert np.abs(heights.mean(axis=0)).max() < 0.15
+    assert heights.std(axis=0).min() > 0.25 * thickness  # evenly spread: 0.29

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from vtkmuscle.core.errors import InputError, check_is_file
-from vtkmuscle.core.mesh.surface import survey
+from vtkmuscle.core.mesh.surface import box_of, longest_side, survey
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import MOST_LISTED, listed
 from vtkmuscle.data.arrays import joined_triangles, points_of, triangles_of
@@ -110,7 +110,7 @@ def _of_model(file: Path) -> dict[str, str]:
 
 
 def _bounds(points: Floats) -> str:
-    lowest, highest = points.min(axis=0), points.max(axis=0)
+    lowest, highest = box_of(points)
     return "  ".join(f"{a:.6g} .. {b:.6g}" for a, b in zip(lowest, highest, strict=True))
 
 
@@ -137,7 +137,7 @@ def _of_mesh(file: Path) -> dict[str, str]:
     if not np.isfinite(points).all():
         bad = int((~np.isfinite(points).all(axis=1)).sum())
         return {"points": str(len(points)), "not finite": f"{bad} points; correct them"}
-    longest = float(np.ptp(points, axis=0).max())
+    longest = longest_side(points)
     unit, confidence = likely_unit(longest)
     surely = "probably" if confidence > LOOK else "perhaps"
     stated = stated_frame(file)

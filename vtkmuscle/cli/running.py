@@ -198,7 +198,7 @@ def tradeoff(
     if options.within is not None:
         best = result.cheapest(options.within)
         typer.echo(", ".join(f"{name} = {best[name]}" for name in result.settings), nl=False)
-        typer.echo(f": {best['ms']:.3g} ms a pose, error {best['error_mm']:.2g} mm")
+        typer.echo(f": {best['ms']:.3g} ms a pose, error {best['error_mm']:.2g} mm, {best['verdict']}")
     shared.say(options.quiet, f"wrote {out / 'tradeoff.csv'}, {out / 'tradeoff.png'}")
 
 

@@ -56,7 +56,7 @@ from vtkmuscle.core.errors import MOST_TEXT, InputError, check_is_file, fault_of
 from vtkmuscle.core.mesh.normals import perpendiculars, unit_vectors
 from vtkmuscle.core.mesh.polylines import proper_segments, segments
 from vtkmuscle.core.mesh.sampling import skewed_direction, sobol
-from vtkmuscle.core.mesh.surface import extent
+from vtkmuscle.core.mesh.surface import extent, longest_side
 from vtkmuscle.core.types import ROUNDING, SAME, Floats, Ints
 
 #: Degrees of the Bezier curves.
@@ -213,7 +213,7 @@ def centroid_axis(origin: Floats, insertion: Floats) -> Floats:
     """Return the unit vector between the centroids, or raise a ValueError where these coincide."""
     difference: Floats = insertion.mean(axis=0) - origin.mean(axis=0)
     length = float(np.linalg.norm(difference))
-    if not length > ROUNDING * float(np.ptp(np.vstack([origin, insertion]), axis=0).max()):
+    if not length > ROUNDING * longest_side(np.vstack([origin, insertion])):
         problem = "the centroids of the origin and insertion landmarks coincide and give no axis"
         raise InputError("", problem, "set axis='principal'")
     return difference / length

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
@@ -113,9 +115,10 @@ class FibreSmoother(Filter):
         if attachments is not None:
             areas = [geometry.on(geometry.attached(attachments, role)) for role in ROLES]
         ends, inner = (lines.offsets[:-1], lines.offsets[1:] - 1), inner_points(lines.offsets)
-        n_samples = max(SAMPLES * len(lines), LEAST_SAMPLES) if spreading and self.smoothing_passes else 0
-        samples = geometry.samples(n_samples)
-        within = geometry.once("cloud", (len(samples),), lambda: cloud(samples)) if len(samples) else None
+        count = max(SAMPLES * len(lines), LEAST_SAMPLES) if spreading and self.smoothing_passes else 0
+        samples, surface = geometry.samples(count), (geometry.points, geometry.triangles)
+        made = partial(cloud, samples, *surface)
+        within = geometry.once("cloud", (len(samples),), made) if len(samples) else None
         points = lines.points
         for done in range(self.smoothing_passes):
             points = smooth_about_course(points, lines.offsets, self.smoothing_weight, 1)

@@ -9,7 +9,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.attachments.patches import attachment_patch
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.mesh.solids import solids_of
-from vtkmuscle.core.mesh.surface import edge_lengths, points_in_box, unique_edges
+from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.core.pbd.voxels import build_voxel_grid
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import add_arrays, checked_surface, shallow_copy
@@ -142,7 +142,8 @@ class FixedPointDetector(Filter):
         within = self._within(muscle)
         for index, (name, bone) in enumerate(bones.items()):
             low, high = np.array(bone.GetBounds()).reshape(3, 2).T
-            reachable = points_in_box(muscle.points, low - within, high + within)
+            beyond = np.maximum(low - muscle.points, muscle.points - high)
+            reachable = np.flatnonzero(beyond.max(axis=1) <= within)
             if len(reachable):
                 points = muscle.points[reachable]
                 surface = checked_surface(bone, f"bones, block {name!r}")

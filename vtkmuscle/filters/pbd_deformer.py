@@ -6,12 +6,11 @@ import warnings
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
-from vtkmuscle.core.mesh.surface import survey
+from vtkmuscle.core.mesh.surface import longest_side, survey
 from vtkmuscle.core.pbd.levels import FINE_ITERATIONS, TwoLevels, coarse_fixed_points
 from vtkmuscle.core.pbd.solver import Parameters, PBDSolver, State
 from vtkmuscle.core.types import Floats
@@ -171,7 +170,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
 
 def _coarser(muscle: FixedMuscle, count: int) -> FixedMuscle | None:
     """Return a muscle of about `count` triangles; None, with a warning, if decimation tears the surface."""
-    middle, size = muscle.points.mean(axis=0), float(np.ptp(muscle.points, axis=0).max())
+    middle, size = muscle.points.mean(axis=0), longest_side(muscle.points)
     points, triangles = decimated((muscle.points - middle) / size, muscle.triangles, count)
     points = points * size + middle
     report = survey(points, triangles)

@@ -12,11 +12,12 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
+from vtkmuscle.core.mesh.polylines import evenly_spread
 from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.paths.bows import free_shares
 from vtkmuscle.core.paths.guides import ALL_PATHS, LEAST_PATHS, with_bones
 from vtkmuscle.core.paths.levers import pull_of, rates_of
-from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread, lines_on_surface
+from vtkmuscle.core.paths.lines import bones_at_ends, lines_on_surface
 from vtkmuscle.core.paths.neighbours import path_lengths
 from vtkmuscle.core.paths.poses import KeptPoses
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths, PathState

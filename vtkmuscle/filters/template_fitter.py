@@ -103,7 +103,7 @@ class TemplateFitter(Filter):
         sides = (areas_of_role(attachments, role) for role in ROLES)
         origin, insertion = (np.vstack([area.landmarks for area in side]) for side in sides)
         landmarks, mirrors = (origin, insertion), field_string(template.data, "Template") in boxes.KINDS
-        points, guide = muscle.points[np.unique(muscle.triangles)], None
+        points, guide = muscle.points[np.flatnonzero(np.bincount(muscle.triangles.ravel()))], None
         if superficial is not None:
             seen = boxes.superficial_pieces(superficial.points, superficial.offsets, points)
 

@@ -15,7 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.attachments.patches import ring_length
 from vtkmuscle.core.errors import InputError, check_is_file, fault_of
 from vtkmuscle.core.mesh.solids import solids_of
-from vtkmuscle.core.mesh.surface import survey
+from vtkmuscle.core.mesh.surface import longest_side, survey
 from vtkmuscle.core.motion.coordinates import MILLIMETRES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
@@ -240,7 +240,7 @@ def likely_unit(longest: float) -> tuple[str, float]:
 
 def _longest(clouds: Mapping[str, Floats]) -> float:
     """Return the longest side of surfaces, points by file."""
-    longest = float(max(np.ptp(points, axis=0).max() for points in clouds.values()))
+    longest = max(map(longest_side, clouds.values()))
     if longest > CHECKS["unit"]["certain"]:
         raise InputError("", f"the longest side of all surfaces is {longest:.4g}", CHECKS["unit"]["do"])
     for where, problem, remedy, _ in other_units(clouds):
@@ -315,8 +315,8 @@ def _seen_from(folder: Path, file: Path) -> str:
 
 def scale_of(surfaces: Iterable[vtkPolyData]) -> float:
     """Return the size of the animal with these surfaces [mm] against a human, at most 1."""
-    sides = [np.ptp(points_of(surface), axis=0).max() for surface in surfaces if surface.GetNumberOfPoints()]
-    longest = float(max(sides, default=HUMAN))
+    sides = [longest_side(points_of(surface)) for surface in surfaces if surface.GetNumberOfPoints()]
+    longest = max(sides, default=HUMAN)
     return 1.0 if longest >= SMALLEST else longest / HUMAN
 
 

@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.solids import Solids, solids_of
-from vtkmuscle.core.mesh.surface import NOISE, signed_volume, survey
+from vtkmuscle.core.mesh.surface import NOISE, box_of, signed_volume, survey
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.anatomy import plain_name
 from vtkmuscle.data.arrays import (
@@ -223,7 +223,7 @@ def with_tendon(
     line = taut_line(tip, target, bones, radius)
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     tube = np.vstack([tip + radius * inward, line])
-    solid = Solid(belly.at, points.min(axis=0), points.max(axis=0))
+    solid = Solid(belly.at, *box_of(points))
     solid = solid.joined(thick_curve(tube, np.full(len(tube), radius)), radius)
     area = survey(points, triangles).area + 2.0 * np.pi * radius * length
     mesh = mesh_of(solid, min(0.5 * edge, 0.7 * radius), round(area / (EVEN * edge * edge)))

@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkTriangleFilter, vtkTubeFilter
 
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
-from vtkmuscle.core.mesh.surface import survey
+from vtkmuscle.core.mesh.surface import box_of, diagonal, survey
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import blocks_of, points_of, polylines_from, polylines_of, triangles_of
 
@@ -167,7 +167,7 @@ def choose_view(muscles: Sequence[vtkPolyData], bones: Sequence[vtkMultiBlockDat
 def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats]) -> View:
     """Return the view of :func:`choose_view` from points (k, 3) on the bones of each frame."""
     everything = np.vstack([points_of(muscle) for muscle in muscles])
-    cell = float(np.linalg.norm(np.ptp(everything, axis=0))) / 30.0
+    cell = diagonal(everything) / 30.0
     pairs = [(_spread(muscle), points) for muscle, points in zip(muscles, hiding, strict=True)]
 
     def area(direction: Floats) -> float:
@@ -192,7 +192,7 @@ def framed(direction: ArrayLike, points: Floats, *, margin: float = 0.12) -> Vie
     """
     axes = view_axes(np.asarray(direction, dtype=np.float64))
     local = points @ axes.T
-    low, high = local.min(axis=0), local.max(axis=0)
+    low, high = box_of(local)
     width, height = (1.0 + 2.0 * margin) * np.maximum((high - low)[:2], 1e-9)
     aspect = float(np.clip(width / height, 0.5, 1.6))
     return View(axes[2], (low + high) / 2.0 @ axes, float(max(height, width / aspect)) / 2.0, aspect)

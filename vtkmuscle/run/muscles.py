@@ -15,6 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import InputError, fault_of
+from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data import arrays
 from vtkmuscle.data.attachments import VIA
@@ -29,7 +30,7 @@ from vtkmuscle.run.frames import MuscleTrack, RunOptions
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report_values import architecture_of, fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.store.writing import ResultWriter
-from vtkmuscle.run.verdict import CHECKS, judge, with_reasons
+from vtkmuscle.run.verdict import judge, reasons_of, with_reasons
 from vtkmuscle.scene.data import Anatomy, SceneData
 
 
@@ -124,7 +125,7 @@ class MuscleRun:
         """Compute the lengths, moment arms or surfaces of all frames alone."""
         pipeline, track, last = muscle_pipeline(self.scene, self.name), self.track, self.run.numbers[-1] + 1
         taut, deformer = pipeline.taut_paths, pipeline.deformer
-        track.report["frames"], settling = [], []
+        rows: list[dict[str, Any]] = track.report.setdefault("frames", [])
         if taut is not None:
             taut.levers, taut.bows = output == "moment_arms", output == "lengths"
         for number in self.run.numbers:
@@ -136,14 +137,13 @@ class MuscleRun:
             paths = None if taut is None else path_lines_of(taut.update(time=now).output, self.name)
             if paths is None:
                 raise InputError(f"muscles.{self.name}", "the muscle has no paths", "add fibres")
-            track.add_lengths(paths.data, self.scene.millimetres)
-            settling.append(_settling(pipeline))
-        for name, of_frames in (("passed paths", max), ("unsettled", np.mean)) if settling else ():
-            check = CHECKS[name]  # a whole run has a verdict
-            value = check.factor * of_frames([row[check.column] for row in settling])
-            if value > check.look:
-                words = f"{check.says.format(f'{value:.3g} {check.unit}')}; {check.do}"
-                warnings.warn(f"muscles.{self.name}: {words}", stacklevel=2)
+            rows.append({"frame": number, "time": now} | _settling(pipeline) | self._add_lengths(paths.data))
+        if rows:  # a whole run has a verdict
+            surface = arrays.checked_surface(self.scene.muscles[self.name].surface, f"muscles.{self.name}")
+            size = self.scene.millimetres * float(np.cbrt(abs(signed_volume(*surface))))
+            motion = self.scene.motion.part(self.run.numbers)
+            for reason in reasons_of(judge(track, track.rest_lengths, motion=motion, size=size)):
+                warnings.warn(f"muscles.{self.name}: {reason}", stacklevel=2)
         self._report_progress("done", 1.0)
 
     def _fill(self, rest: vtkPolyData, source: Filter, measure: MuscleMeasure) -> None:
@@ -219,15 +219,18 @@ class MuscleRun:
             if frame is not None:
                 frames.append(frame)
         if fibres is not None:
-            for name in (SQUEEZED, SAG):
-                if fibres.GetCellData().HasArray(name):
-                    depth = float(np.percentile(arrays.cell_array(fibres, name, "fibres"), 95))
-                    row[f"{name.lower()}_p95_mm"] = depth * self.scene.millimetres
-            self.track.add_lengths(fibres, self.scene.millimetres)
+            row |= self._add_lengths(fibres)
             measures = measures_of_fibres(self.track.numbers[-1][0], self.scene.millimetres)
             sizes = {name: spread(values) for name, values in measures.items()}
             self.track.report["fibre_measures"].append({"frame": number, "time": now, **sizes})
         self.track.report["frames"].append(row)
+
+    def _add_lengths(self, fibres: vtkPolyData) -> dict[str, float]:
+        """Keep the lengths of fibres. Return the paths' columns of a frame."""
+        self.track.add_lengths(fibres, self.scene.millimetres)
+        names = [name for name in (SQUEEZED, SAG) if fibres.GetCellData().HasArray(name)]
+        depths = {name: np.percentile(arrays.cell_array(fibres, name, "fibres"), 95) for name in names}
+        return {f"{name.lower()}_p95_mm": float(d) * self.scene.millimetres for name, d in depths.items()}
 
     def _judge(self, measure: MuscleMeasure, pipeline: MusclePipeline) -> None:
         """Add the verdict on the computed frames to the report."""

@@ -10,7 +10,7 @@ from vtkmodules.vtkFiltersCore import vtkReverseSense
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.solids import closed_shells
-from vtkmuscle.core.mesh.surface import MOST_REPAIRED, signed_volume, survey
+from vtkmuscle.core.mesh.surface import MOST_REPAIRED, box_of, signed_volume, survey
 from vtkmuscle.core.paths.via_rings import passes_through, via_ring
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, output_of, points_of, surface_from
@@ -128,7 +128,7 @@ def _check_area(area: AttachmentArea, surface: vtkPolyData, units: str) -> None:
 
 def _check_distance(subject: str, positions: Floats, points: Floats, units: str) -> None:
     """Check that positions lie close to a muscle's points."""
-    lowest, highest = points.min(axis=0), points.max(axis=0)
+    lowest, highest = box_of(points)
     gaps = np.linalg.norm(np.maximum(np.maximum(lowest - positions, positions - highest), 0), axis=1)
     diagonal = np.linalg.norm(highest - lowest)
     if gaps.min() > diagonal:  # the muscle or the unit is wrong

@@ -14,7 +14,7 @@ from vtkmuscle.core.bones.bone import Bone, bone_of
 from vtkmuscle.core.bones.joint_fits import head_in
 from vtkmuscle.core.mesh.sampling import samples_inside
 from vtkmuscle.core.mesh.solids import solids_of
-from vtkmuscle.core.mesh.surface import diagonal, mean_thickness, signed_volume
+from vtkmuscle.core.mesh.surface import box_of, diagonal, longest_side, mean_thickness, signed_volume
 from vtkmuscle.core.moment_arms.levers import largest_turns, twists_by
 from vtkmuscle.core.motion.coordinates import ANGLES, MILLIMETRES
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, inverses
@@ -78,7 +78,7 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
 def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
     clouds = {f"bones.{name}.surface": bone.points for name, bone in anatomy.bones.items()}
     clouds |= {f"muscles.{name}.surface": muscle.points for name, muscle in anatomy.muscles.items()}
-    longest = max(float(np.ptp(points, axis=0).max()) for points in clouds.values())
+    longest = max(longest_side(points) for points in clouds.values())
     offset = max(float(np.abs(points).max()) for points in clouds.values())
     if offset > CHECKS["far_from_origin"]["sizes"] * longest > 0.0:
         yield _finding("far_from_origin", "", certain=True, offset=offset, units=units)
@@ -102,7 +102,7 @@ def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
 
 def other_units(clouds: Mapping[str, Floats]) -> Iterator[Finding]:
     """Yield surfaces too small beside the largest one."""
-    sizes = {key: float(np.ptp(points, axis=0).max()) for key, points in clouds.items()}
+    sizes = {key: longest_side(points) for key, points in clouds.items()}
     for key, size in sizes.items():
         if size * CHECKS["other_unit"]["ratio"] < (longest := max(sizes.values())):
             yield _finding("other_unit", key, certain=True, size=size, longest=longest)
@@ -267,7 +267,7 @@ def _steps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     steps, limits = np.zeros(len(scene.motion.times) - 1), CHECKS["jump"]
     for bone in scene.motion.transforms.keys() & anatomy.bones.keys():
         table, points = scene.motion.transforms[bone], anatomy.bones[bone].points
-        corners = np.array(list(product(*zip(points.min(axis=0), points.max(axis=0), strict=True))))
+        corners = np.array(list(product(*zip(*box_of(points), strict=True))))
         moved = np.einsum("fij,kj->fki", table[:, :3, :3], corners) + table[:, None, :3, 3]
         step = np.linalg.norm(np.diff(moved, axis=0), axis=2).mean(axis=1) / diagonal(points)
         steps = np.maximum(steps, step)
@@ -338,7 +338,7 @@ def _gap(anatomy: Anatomy, bone: str, other: str, moved: Floats) -> float:
     """Return the gap between a bone and another bone that is moved, negative inside."""
     points, solids = anatomy.bones[other].points, anatomy.bones[bone].solids
     placed = apply_transform(moved, points[:: 1 + len(points) // CHECKS["gap"]["points"]])
-    (low, high), ends = solids.box, (placed.min(axis=0), placed.max(axis=0))
+    (low, high), ends = solids.box, box_of(placed)
     far = float(np.linalg.norm(np.maximum(0.0, np.maximum(low - ends[1], ends[0] - high))))
     if far > 0.1 * diagonal(points):
         return far  # of the boxes: closer bones are measured

@@ -7,6 +7,7 @@ comes to it. So moment arms are taken over 10 degrees.
 from functools import cache
 
 import numpy as np
+import phantoms
 import pytest
 from phantom_paths import (
     AXIS,
@@ -17,6 +18,7 @@ from phantom_paths import (
     lengths,
     levers,
     paths_of,
+    strung,
     strung_phantom,
     swept,
     turned,
@@ -247,11 +249,15 @@ def test_a_fibre_of_no_length_is_refused():
     ],
 )
 def test_traps_do_not_catch_paths(make, centre, axis, bound):
-    """Their mean moment arm is as it is known, in every fourth pose of the motion, and all come to rest."""
-    made = strung_phantom(make)
+    """Their mean moment arm is as it is known, in every fourth pose of the motion, and all come to rest.
+
+    Fifteen segments cut the corner of the tendon at its band, and their arms are 1.3 mm off.
+    """
+    resolution = 30 if make == "tendon_under_band" else 15
+    made = strung(getattr(phantoms, make)(), resolution=resolution)
     moving = [made.names.index(name) for name in made.phantom.motion.transforms]
     arm = made.phantom.known["moment_arm"]
-    states = swept(paths_of(make), made.poses()[::4])
+    states = swept(made.pulled(), made.poses()[::4])
     for angle, state in zip(made.phantom.motion.times[::4], states, strict=True):
         assert state.settled
         known = arm(angle) if callable(arm) else arm

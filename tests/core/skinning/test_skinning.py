@@ -5,9 +5,10 @@ import pytest
 from phantom_paths import known_paths, off_lines, paths_of, strung_phantom, swept
 from test_thin_parts import LENGTH, SECTIONS, tendon
 
+from vtkmuscle.core.mesh.polylines import evenly_spread
 from vtkmuscle.core.mesh.surface import mean_thickness, mesh_topology, signed_volume
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
-from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread, lines_on_surface
+from vtkmuscle.core.paths.lines import bones_at_ends, lines_on_surface
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths
 from vtkmuscle.core.skinning.skinning import Skinning
 

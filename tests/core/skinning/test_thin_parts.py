@@ -8,10 +8,11 @@ from slow import slow
 
 from vtkmuscle.core.bones.bone import bone_of
 from vtkmuscle.core.fixed_muscle import FixedMuscle
+from vtkmuscle.core.mesh.polylines import evenly_spread
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume
 from vtkmuscle.core.motion.rigid import rotation_about
-from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread
+from vtkmuscle.core.paths.lines import bones_at_ends
 from vtkmuscle.core.paths.sheet import MusclePaths
 from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle
 from vtkmuscle.phantoms.meshing import solid_of_revolution

@@ -16,6 +16,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh import surface as surfaces
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.mesh.rest_shape import SLIVER
+from vtkmuscle.core.mesh.surface import diagonal
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import SAME, FloatMap, Floats, Ints
 
@@ -119,17 +120,17 @@ def _nearest_vertices(
     the bone are preferred, unless all landmarks are points already. The lengths are the tolerance and the
     muscle's mean edge.
     """
-    used = np.flatnonzero(np.bincount(triangles.reshape(-1), minlength=len(points)))
+    used = np.flatnonzero(np.bincount(triangles.reshape(-1)))
     tree = cKDTree(points[used])
     offsets, nearest = tree.query(landmarks)
-    diagonal = float(np.linalg.norm(np.ptp(points[used], axis=0)))
-    limit = max(FARTHEST * diagonal, lengths[0])
+    size = diagonal(points[used])
+    limit = max(FARTHEST * size, lengths[0])
     worst = int(np.argmax(offsets))
     if offsets[worst] > limit:
-        problem = f"landmark {worst} is {offsets[worst]:.4g} from the muscle, of size {diagonal:.4g}"
+        problem = f"landmark {worst} is {offsets[worst]:.4g} from the muscle, of size {size:.4g}"
         remedy = "check the units, leave out an attachment of another muscle, or give a larger distance"
         raise InputError("", f"{problem}; at most {limit:.4g} is accepted", remedy)
-    if to_bone is not None and offsets[worst] > SAME * diagonal:
+    if to_bone is not None and offsets[worst] > SAME * size:
         side = np.sign(surfaces.signed_volume(points, triangles) or 1.0)
         outward = vertex_normals(points, triangles) * side
         waiting, count, step = np.arange(len(landmarks)), 1, lengths[1]

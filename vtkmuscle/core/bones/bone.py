@@ -15,6 +15,7 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.sampling import UNEVEN, uneven_weights
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import FAR, LEAST_PIECE, Solids, closed_shells, solids_from, solids_of
+from vtkmuscle.core.mesh.surface import box_of
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -55,7 +56,7 @@ class Bone:
         #: Name of the bone in warnings and errors.
         self.name = str(name)
         #: Lowest and highest corner of the bone's box at rest [mm].
-        self.box: tuple[Floats, Floats] = points.min(axis=0), points.max(axis=0)
+        self.box = box_of(points)
         if cell is not None:
             self.cell = cell
         self._known: tuple[float, Field] | None = None  # with its reach
@@ -113,8 +114,7 @@ class Bone:
     @cached_property
     def box_along_axes(self) -> tuple[Floats, Floats]:
         """Lowest and highest corner of the bone's box along its axes [mm]."""
-        along = apply_transform(self.axes, self.points)
-        return along.min(axis=0), along.max(axis=0)
+        return box_of(apply_transform(self.axes, self.points))
 
     @cached_property
     def cell(self) -> float:

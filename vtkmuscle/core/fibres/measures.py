@@ -124,7 +124,9 @@ def arrangement(points: Floats, offsets: Ints, samples: Floats, volume: float) -
     lines = evenly_spaced(points, offsets, STATIONS)
     # Between the points of finer fibres the grain of the surface turns them, not their course.
     courses = [line if len(fibre) > STATIONS else fibre for line, fibre in zip(lines, fibres, strict=True)]
-    turns = [_turns(np.diff(course, axis=0)) for course in courses]
+    steps = (np.diff(course, axis=0) for course in courses)
+    proper = [each[each.any(axis=1)] for each in steps]
+    turns = [angles_between(each[1:], each[:-1]) for each in proper]
     neighbours, bare = _neighbours(lines[:, STATIONS // 2]), 0.0
     if len(samples):
         spacing = _spacing(lines, offsets, points, samples, abs(volume))
@@ -135,12 +137,6 @@ def arrangement(points: Floats, offsets: Ints, samples: Floats, volume: float) -
     crossing = max(_crossing(lines, neighbours), _crossing(lines[:, ::-1], neighbours))
     turning = float(np.percentile([turn.sum() for turn in turns], 95.0))
     return Arrangement(crossing, hooks(points, offsets), turning, bare)
-
-
-def _turns(steps: Floats) -> Floats:
-    """Return angles between steps (k, 3) of a line [degrees]. Without zero steps."""
-    proper = steps[np.linalg.norm(steps, axis=1) > 0.0]
-    return angles_between(proper[1:], proper[:-1])
 
 
 def _neighbours(middle: Floats) -> Ints:

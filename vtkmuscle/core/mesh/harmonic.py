@@ -1,46 +1,25 @@
 """Harmonic functions on a muscle's surface, fixed at attached points."""
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array, diags_array
+import robust_laplacian
+from scipy.sparse import csr_array
 from scipy.sparse.linalg import splu
 
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.surface import half_edges, point_components
-from vtkmuscle.core.types import ROUNDING, Floats, Ints
-
-#: Bounds of an edge's cotangent weight; between equilateral triangles the weight is 0.58. The lower bound
-#: keeps an M-matrix with obtuse triangles, so a harmonic function stays between its boundary values; the
-#: upper bound keeps the matrix well conditioned with degenerate triangles. With bounds ten times as wide or
-#: as narrow lengths of fibres change by at most 0.0002 mm.
-COTANGENT_BOUNDS = (1e-3, 1e3)
+from vtkmuscle.core.types import Floats, Ints
 
 
-def cotangent_laplacian(points: Floats, triangles: Ints) -> csr_array:
-    """Return the cotangent Laplacian (n, n), with positive weights.
+def intrinsic_laplacian(points: Floats, triangles: Ints) -> csr_array:
+    """Return the Laplacian (n, n) of a surface.
 
-    L_ij = -(cot a + cot b) / 2 for the angles a, b opposite the edge i j, clamped to
-    :data:`COTANGENT_BOUNDS`; rows sum to zero. Symmetric and positive semidefinite. Pinkall, Polthier 1993,
-    *Computing discrete minimal surfaces and their conjugates*, doi:10.1080/10586458.1993.10504266.
+    The Laplacian is the same for any triangles of one shape: it has the cotangent weights of the intrinsic
+    Delaunay triangulation. No weight is negative, needles or not, so that a harmonic function stays between
+    its boundary values. Rows sum to zero. Symmetric and positive semidefinite. Sharp, Crane 2020, *A
+    Laplacian for nonmanifold triangle meshes*, doi:10.1111/cgf.14069.
     """
-    n = len(points)
-    doubled_areas = np.linalg.norm(triangle_normals(points, triangles), axis=1)
-    cotangents = np.empty((len(triangles), 3))
-    for corner in range(3):  # the cotangent at a corner belongs to the opposite edge, here in half-edge order
-        apex, first, second = (points[triangles[:, (corner + 2 + turn) % 3]] for turn in range(3))
-        dots = np.einsum("ij,ij->i", first - apex, second - apex)
-        # The floor keeps the quotient from overflowing, far above COTANGENT_BOUNDS.
-        floor = np.maximum(ROUNDING * np.abs(dots), np.finfo(float).tiny)
-        cotangents[:, corner] = dots / np.maximum(doubled_areas, floor)
-    bound = 2.0 * COTANGENT_BOUNDS[1]
-    halves = np.clip(cotangents.reshape(-1), -bound, bound) / 2.0
-
-    edges = half_edges(triangles)
-    proper = edges[:, 0] != edges[:, 1]
-    i, j = np.sort(edges[proper], axis=1).T
-    weights = coo_array((halves[proper], (i, j)), shape=(n, n)).tocsr()
-    weights.data = np.clip(weights.data, *COTANGENT_BOUNDS)
-    weights = weights + weights.T
-    return csr_array(diags_array(np.asarray(weights.sum(axis=1)).reshape(-1)).tocsr() - weights)
+    proper = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    return csr_array(robust_laplacian.mesh_laplacian(points, triangles[proper])[0])
 
 
 def harmonic_extension(points: Floats, triangles: Ints, fixed: Ints, values: Floats) -> Floats:
@@ -56,7 +35,7 @@ def harmonic_extension(points: Floats, triangles: Ints, fixed: Ints, values: Flo
     reached[fixed] = False
     free = np.flatnonzero(reached)
     if len(free):
-        rows = cotangent_laplacian(points, triangles)[free]
+        rows = intrinsic_laplacian(points, triangles)[free]
         inner, border = rows[:, free], rows[:, fixed]
         # Diagonally dominant: no pivoting. SuperLU's own order, COLAMD, takes 1.4 times as long as minimum
         # degree (medians on four muscles of a hip; 1.8 times the fill, 4 to 16 ms). With each triangle cut

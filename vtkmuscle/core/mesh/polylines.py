@@ -12,6 +12,9 @@ def polyline_lengths(points: Floats, offsets: Ints) -> Floats:
     return np.add.reduceat(segment_lengths(points, offsets)[0], offsets[:-1])
 
 
+#: What is no length at all is divided by this instead.
+_TINY = np.finfo(float).tiny
+
 #: Cosine of the least turn of a corner, 30 degrees; smaller turns belong to a curve. With 15 and 60 degrees
 #: mean pennations of four muscles of a hip and a knee change by at most 1.1 and 0.5 degrees.
 CORNER = 0.5 * 3.0**0.5
@@ -62,11 +65,50 @@ def segment_lengths(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
 
 def evenly_spaced(points: Floats, offsets: Ints, count: int) -> Floats:
     """Return equidistant points per polyline, ends kept. Result (m, count, 3), count >= 2."""
-    along = segment_lengths(points, offsets)[1]
-    lengths = along[offsets[1:] - 1] - along[offsets[:-1]]
-    spaced = points_at_arcs(points, offsets, np.linspace(0.0, lengths, count, axis=1))
+    arcs = np.linspace(0.0, polyline_lengths(points, offsets), count, axis=1)
+    spaced = points_at_arcs(points, offsets, arcs)
     spaced[:, 0], spaced[:, -1] = points[offsets[:-1]], points[offsets[1:] - 1]
     return spaced
+
+
+def evenly_spread(points: Floats, offsets: Ints, count: int) -> Floats:
+    """Return equidistant points along smooth curves through polylines.
+
+    The result is (m, count, 3), count >= 2, with the ends of the polylines. On a polyline's chords a fibre of
+    15 segments wound round a cylinder would be 2 % too near to the cylinder's axis. The curves are cubic,
+    with the slopes of parabolas through three points each; points that repeat count once.
+    """
+    distinct = np.append(True, np.diff(points, axis=0).any(axis=1))
+    distinct[offsets[:-1]] = True
+    points, offsets = points[distinct], np.append(0, np.cumsum(distinct))[offsets]
+    lengths, along = segment_lengths(points, offsets)
+    firsts, lasts, last = offsets[:-1], offsets[1:] - 1, len(points) - 1
+    before, after = lengths[:, None], np.append(lengths[1:], 0.0)[:, None]
+    onward = np.diff(points, axis=0, append=0.0)
+    onward[lasts] = 0.0
+    onward /= np.maximum(after, _TINY)
+    slopes = (after * np.roll(onward, 1, axis=0) + before * onward) / np.maximum(before + after, _TINY)
+    slopes[lasts] = onward[lasts - 1]
+    slopes[firsts] = 2.0 * onward[firsts] - slopes[np.minimum(firsts + 1, last)]
+    slopes[lasts] = 2.0 * onward[lasts - 1] - slopes[lasts - 1]
+
+    def curve(places: Floats) -> Floats:
+        i = np.searchsorted(along, places, side="right").clip(firsts[:, None] + 1, lasts[:, None])
+        step, i = lengths[i][..., None], np.maximum(i - 1, firsts[:, None])
+        part = ((places - along[i])[..., None] / np.maximum(step, _TINY)).clip(0.0, 1.0)
+        bend = (1.0 - part) * slopes[i] - part * slopes[np.minimum(i + 1, last)]
+        ahead = part * (3.0 - 2.0 * part) * onward[i] + (1.0 - part) * bend
+        return np.asarray(points[i] + step * part * ahead)
+
+    places = np.linspace(along[firsts], along[lasts], count, axis=1)
+    for _ in range(2):
+        steps = np.linalg.norm(np.diff(curve(places), axis=1, prepend=points[firsts, None]), axis=2)
+        arcs = np.cumsum(steps).reshape(places.shape)
+        even = np.linspace(arcs[:, 0], arcs[:, -1], count, axis=1)
+        places = np.interp(even, arcs.reshape(-1), places.reshape(-1))
+    spread = curve(places)
+    spread[:, 0], spread[:, -1] = points[firsts], points[lasts]
+    return spread
 
 
 def stations_of(points: Floats, offsets: Ints, count: int) -> tuple[Ints, Ints, Floats]:

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.normals import triangle_normals
-from vtkmuscle.core.mesh.surface import edge_lengths, faces_between, unique_edges
+from vtkmuscle.core.mesh.surface import box_of, edge_lengths, faces_between, longest_side, unique_edges
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.types import ROUNDING, SAME, Bools, Floats, Ints
 
@@ -35,9 +35,7 @@ def even_samples(candidates: Floats, count: int) -> Floats:
     ones, as the two of a cell. Too few candidates repeat.
     """
     middle = int(((candidates - candidates.mean(axis=0)) ** 2).sum(axis=1).argmin())
-    chosen = np.empty(min(count, len(candidates)), dtype=np.int64)
-    _farthest(candidates, middle, np.full(len(candidates), np.inf), chosen)
-    samples = candidates[chosen]
+    samples = candidates[farthest(candidates, min(count, len(candidates)), middle)]
     tree = cKDTree(candidates)
     for _ in range(4):
         cell = cKDTree(samples).query(candidates)[1]
@@ -55,15 +53,27 @@ def part_means(values: Floats, part: Ints, count: int, default: Floats | None = 
     return np.divide(sums, sizes, out=means, where=sizes > 0)
 
 
+def farthest(places: Floats, count: int, first: int = 0) -> Ints:
+    """Return places far from each other.
+
+    The numbers of ``count`` places (n, k), from the first on: each is the farthest from those before
+    (Gonzalez 1985, doi:10.1016/0304-3975(85)90224-5).
+    """
+    numbers = np.empty(count, dtype=np.int64)
+    _choose(places, first, np.full(len(places), np.inf), numbers)
+    return numbers
+
+
 @kernel
-def _farthest(candidates: Floats, at: int, squares: Floats, chosen: Ints) -> None:
-    """Choose a candidate, then always the farthest; squares : (n,), of distances from the chosen."""
+def _choose(places: Floats, at: int, squares: Floats, chosen: Ints) -> None:
+    """Do the work of :func:`farthest`; squares : (n,), of distances from the chosen, -1 for these."""
     for k in range(len(chosen)):
-        chosen[k], last, greatest = at, at, -1.0
-        for i in range(len(candidates)):
-            x, y = candidates[i, 0] - candidates[last, 0], candidates[i, 1] - candidates[last, 1]
-            z = candidates[i, 2] - candidates[last, 2]
-            squares[i] = min(squares[i], x * x + y * y + z * z)
+        chosen[k], last, squares[at], greatest = at, at, -1.0, -1.0
+        for i in range(len(places)):
+            square = 0.0
+            for c in range(places.shape[1]):
+                square += (places[i, c] - places[last, c]) ** 2
+            squares[i] = min(squares[i], square)
             if squares[i] > greatest:
                 greatest, at = squares[i], i
 
@@ -180,7 +190,7 @@ def _in_own_order(points: Floats, faces: Ints) -> Ints:
     middles = points[faces].mean(axis=1)
     centre, axes = own_axes(middles)
     along = (middles - centre) @ axes.T
-    along = np.round(along / max(SAME * float(np.ptp(along, axis=0).max()), 1e-300))
+    along = np.round(along / max(SAME * longest_side(along), 1e-300))
     by_position = np.lexsort(along.T[::-1])
     ordered = faces[by_position[space_order(along[by_position])]]
     corners = ((points[ordered] - centre) @ axes.T @ GENERIC).argsort(axis=1)
@@ -199,7 +209,7 @@ def samples_inside(inside: Callable[[Floats], Bools], points: Floats, count: int
     """
     centre, axes = own_axes(points)
     along = (points - centre) @ axes.T
-    low, high = along.min(axis=0), along.max(axis=0)
+    low, high = box_of(along)
     block = -(-count // LAYERS)
     layers = (np.arange(LAYERS) + 0.5) / LAYERS
     samples = np.empty((0, 3))
@@ -247,8 +257,9 @@ def space_order(positions: Floats) -> Ints:
     Morton 1966, *A computer oriented geodetic data base and a new technique in file sequencing*. Consecutive
     positions are neighbours, and so are their data in memory. Positions in a cell of the box keep order.
     """
-    size = max(float(np.ptp(positions, axis=0).max()), 1e-300)
-    cells = ((positions - positions.min(axis=0)) * (2**HALVINGS / size)).astype(np.int64)
+    low, high = box_of(positions)
+    size = max(float((high - low).max()), 1e-300)
+    cells = ((positions - low) * (2**HALVINGS / size)).astype(np.int64)
     cells = np.minimum(cells, 2**HALVINGS - 1)
     dimensions, digits = cells.shape[1], np.arange(HALVINGS)
     # The binary digits of each cell number, spread by the number of dimensions.

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.sampling import part_means
 from vtkmuscle.core.mesh.shared import shared
-from vtkmuscle.core.mesh.surface import numbered_edges, point_components, signed_volume
+from vtkmuscle.core.mesh.surface import diagonal, numbered_edges, point_components, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
 
@@ -72,7 +72,7 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
         corners = points[shell.reshape(-1)]
         volume = signed_volume(corners, np.arange(len(corners)).reshape(-1, 3))
         shells.append(shell[:, ::-1].copy() if volume < 0 else shell)
-        solid.append(abs(volume) > ROUNDING * float(np.linalg.norm(np.ptp(corners, axis=0))) ** 3)
+        solid.append(abs(volume) > ROUNDING * diagonal(corners) ** 3)
         total += volume
     if total < 0 and any(solid):
         remarks.append("the surface is inside out: its triangles face inward and were turned")

@@ -13,6 +13,7 @@ from vtkmuscle.core.jit import LANES, kernel
 from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.shared import digest, shared
 from vtkmuscle.core.mesh.smooth_normals import smooth_normals
+from vtkmuscle.core.mesh.surface import longest_side
 from vtkmuscle.core.mesh.tree_search import find_inside, lower_distances, search_tree
 from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
 
@@ -100,7 +101,7 @@ def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
     """Return the tree of finite points (n, 3) and triangles (m, 3), m >= 1, and keep both."""
     centres = (points[triangles[:, 0]] + points[triangles[:, 1]] + points[triangles[:, 2]]) / 3.0
     # Equal centres are parted by their order: each half of a box is as large as a leaf expects.
-    centres += _SLOPE * np.ptp(centres, axis=0).max() * np.arange(len(centres))[:, None]
+    centres += _SLOPE * longest_side(centres) * np.arange(len(centres))[:, None]
     return _filled(points, triangles, cKDTree(centres, leafsize=LANES).indices)
 
 

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 from scipy.special import xlogy
 
+from vtkmuscle.core.mesh.sampling import farthest
 from vtkmuscle.core.types import ROUNDING, Floats, Ints
 
 #: More paths than any muscle has fibres: all are solved.
@@ -41,7 +42,7 @@ class Guides:
         pairs = np.unique(np.column_stack(self._ends), axis=0, return_inverse=True)[1].reshape(-1)
         bones = np.eye(pairs.max() + 1)[pairs] * 4.0 * np.ptp(fibres, axis=(0, 1)).max()
         places = np.hstack([fibres[:, [0, n // 2, -1]].reshape(f, 9), bones])
-        self.numbers: Ints = np.sort(_farthest(places, count))
+        self.numbers: Ints = np.sort(farthest(places, count))
         self.nearest: Ints = cdist(places, places[self.numbers]).argmin(axis=1)
         self._others: Ints = np.setdiff1d(np.arange(f), self.numbers)
         self._weights = np.empty((n, len(self._others), count))
@@ -60,19 +61,6 @@ class Guides:
         result[self.numbers] = guides
         result[self._others] += (self._weights @ drift.swapaxes(0, 1)).swapaxes(0, 1)
         return result
-
-
-def _farthest(places: Floats, count: int) -> Ints:
-    """Return the numbers of ``count`` places (f, k) far from each other, from the first place on.
-
-    Each is the farthest from those before (Gonzalez 1985, doi:10.1016/0304-3975(85)90224-5).
-    """
-    numbers, apart = [0], np.full(len(places), np.inf)
-    while len(numbers) < count:
-        np.minimum(apart, np.linalg.norm(places - places[numbers[-1]], axis=1), out=apart)
-        apart[numbers[-1]] = -1.0
-        numbers.append(int(apart.argmax()))
-    return np.array(numbers)
 
 
 def thin_plate_weights(sites: Floats, points: Floats) -> Floats:

@@ -1,6 +1,4 @@
-"""Fibres as evenly spread points for paths, or lines over the surface."""
-
-from itertools import pairwise
+"""Bones at the ends of fibres, and lines over the surface that stand in for fibres."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -17,52 +15,6 @@ STAND_INS = 32
 #: Passes of averaging that take the zigzag of a mesh's edges out of a line. With half and twice of them mean
 #: errors of three phantoms in lengths and levers are 4.0 and 3.3 mm instead of 3.6.
 _PASSES = 10
-
-#: What is no length at all is divided by this instead.
-_TINY = np.finfo(float).tiny
-
-
-def evenly_spread(points: Floats, offsets: Ints, count: int) -> Floats:
-    """Return ``count`` evenly spread points along each polyline.
-
-    Points lie on a smooth curve through the polyline, (f, count, 3). On a polyline's chords a fibre of 15
-    segments wound round a cylinder would be 2 % too near to the cylinder's axis. The curves are cubic, with
-    the slopes of parabolas through three points each. First and last points are the polyline's end points:
-    ``points`` (p, 3) [mm], from each of ``offsets`` (f + 1,) to the next.
-    """
-    return np.array([_evenly_spread(points[begin:end], count) for begin, end in pairwise(offsets)])
-
-
-def _evenly_spread(line: Floats, count: int) -> Floats:
-    """Return points along the curve through a polyline (n, 3); repeated points count once."""
-    line = line[np.append(True, np.diff(line, axis=0).any(axis=1))]
-    if len(line) == 1:
-        return np.repeat(line, count, axis=0)
-    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    slopes, at = np.diff(line, axis=0) / np.maximum(steps, _TINY)[:, None], np.append(0.0, np.cumsum(steps))
-    tangents = np.repeat(slopes[:1], len(line), axis=0)
-    if len(line) > 2:
-        weighted = steps[1:, None] * slopes[:-1] + steps[:-1, None] * slopes[1:]
-        tangents[1:-1] = weighted / np.maximum(steps[1:] + steps[:-1], _TINY)[:, None]
-        tangents[[0, -1]] = 2.0 * slopes[[0, -1]] - tangents[[1, -2]]
-
-    def curve(places: Floats) -> Floats:
-        first = np.searchsorted(at[1:-1], places, side="right")
-        part = ((places - at[first]) / np.maximum(np.diff(at)[first], _TINY))[:, None]
-        along_chord = part * part * (3.0 - 2.0 * part) * (line[first + 1] - line[first])
-        bend = part * (1.0 - part) * ((1.0 - part) * tangents[first] - part * tangents[first + 1])
-        return np.asarray(line[first] + along_chord + steps[first, None] * bend)
-
-    places = np.linspace(0.0, at[-1], count)
-    for _ in range(2):
-        along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(curve(places), axis=0), axis=1)))
-        even = np.linspace(0.0, along[-1], count)
-        first = np.searchsorted(along[1:-1], even, side="right")
-        part = (even - along[first]) / np.maximum(np.diff(along)[first], _TINY)
-        places = places[first] + part * np.diff(places)[first]
-    spread = curve(places)
-    spread[[0, -1]] = line[[0, -1]]
-    return spread
 
 
 def bones_at_ends(fibres: Floats, points: Floats, fixed_to: Ints) -> tuple[Ints, Ints]:
@@ -114,9 +66,9 @@ def _steepest(points: Floats, edges: Ints, height: Floats, fixed_to: Ints) -> In
     """Return each point's neighbour up the steepest edge. Fixed points and summits stay."""
     both = np.vstack([edges, edges[:, ::-1]])
     length = np.linalg.norm(points[both[:, 1]] - points[both[:, 0]], axis=1)
-    slope = (height[both[:, 1]] - height[both[:, 0]]) / np.maximum(length, _TINY)
+    slope = (height[both[:, 1]] - height[both[:, 0]]) / np.maximum(length, np.finfo(float).tiny)
     # Of equally steep edges the one to the last point counts, whatever rounding says.
-    steps = np.round(slope / (ROUNDING * max(slope.max(), _TINY)))
+    steps = np.round(slope / (ROUNDING * max(slope.max(), np.finfo(float).tiny)))
     order = np.lexsort((both[:, 1], steps, both[:, 0]))
     steepest = order[np.append(np.diff(both[order, 0]) > 0, True)]  # the last of each point
     onward = np.arange(len(points))

@@ -3,8 +3,8 @@
 import numpy as np
 
 from vtkmuscle.core.motion.rigid import inverse
-from vtkmuscle.core.paths.sheet import MusclePaths, PathState
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.paths.sheet import MusclePaths, PathState, carried_by
+from vtkmuscle.core.types import Floats
 
 
 class KeptPoses:
@@ -17,15 +17,6 @@ class KeptPoses:
 
     def __init__(self, paths: MusclePaths) -> None:
         self._paths, self.rest = paths, paths.rest
-        ends = [(paths.start_bones, paths.fibres[:, 0]), (paths.end_bones, paths.fibres[:, -1])]
-        self._bones: Ints = np.unique(np.concatenate([bones for bones, _ in ends]))
-        boxes = []
-        for bone in self._bones:
-            points = np.concatenate([points[bones == bone] for bones, points in ends])
-            low, high = points.min(axis=0), points.max(axis=0)
-            boxes.append([np.where(corner, high, low) for corner in np.ndindex(2, 2, 2)])
-        #: Corners of the box of the ends on each bone, (b, 8, 3) [mm].
-        self._corners: Floats = np.array(boxes)
         self._states: dict[bytes, tuple[PathState, Floats]] = {}
 
     def at(self, transforms: Floats, *, memory: float) -> PathState:
@@ -35,16 +26,22 @@ class KeptPoses:
         """
         key = transforms.tobytes()
         if key not in self._states:
-            seen = inverse(transforms[self._bones[0]]) @ transforms[self._bones]  # from the first bone
-            corners = self._corners @ seen[:, :3, :3].swapaxes(1, 2) + seen[:, None, :3, 3]
-            starts = [(self.rest, self._corners), *reversed(self._states.values())]
-            moves = ((corners - np.array([placed for _, placed in starts])) ** 2).sum(axis=3)
-            start = starts[int(moves.max(axis=(1, 2)).argmin())][0]
+            ends = self._ends(transforms)
+            starts = [(self.rest, self._ends(self.rest.transforms)), *reversed(self._states.values())]
+            moves = ((ends - np.array([placed for _, placed in starts])) ** 2).sum(axis=2)
+            start = starts[int(moves.max(axis=1).argmin())][0]
             state = self._paths.follow(start, transforms)
             if not state.settled and start is not self.rest:  # another way may come to rest
                 state = self._paths.follow(self.rest, transforms)
-            self._states[key] = state, corners
+            self._states[key] = state, ends
             most = max(int(memory // max(state.nbytes, 1)), 1)
             for old in list(self._states)[:-most]:
                 del self._states[old]
         return self._states[key][0]
+
+    def _ends(self, transforms: Floats) -> Floats:
+        """Return the ends of paths. Seen from the first bone, (2 f, 3) [mm]."""
+        paths = self._paths
+        seen = inverse(transforms[paths.start_bones[0]]) @ transforms
+        sides = (paths.start_bones, paths.fibres[:, 0]), (paths.end_bones, paths.fibres[:, -1])
+        return np.concatenate([carried_by(seen[bones], points) for bones, points in sides])

@@ -272,8 +272,8 @@ class MusclePaths:
         ``reach`` from the start.
         """
         start = start.copy()
-        start[:, 0] = _carried_by(transforms[self.start_bones], self.fibres[:, 0])
-        start[:, -1] = _carried_by(transforms[self.end_bones], self.fibres[:, -1])
+        start[:, 0] = carried_by(transforms[self.start_bones], self.fibres[:, 0])
+        start[:, -1] = carried_by(transforms[self.end_bones], self.fibres[:, -1])
         pose = SheetPose(self._sheet, transforms, start)
         if self._sheet.rings:  # near the equilibrium they would never let go of the points that they hold
             pose.hold(carried)
@@ -285,10 +285,11 @@ class MusclePaths:
         return PathState(*now, ends_moved, *further, weakref.ref(pose))
 
 
-def _carried_by(transforms: Floats, points: Floats) -> Floats:
+def carried_by(transforms: Floats, points: Floats) -> Floats:
+    """Return moved points (f, 3). Transforms (f, 4, 4)."""
     return np.asarray(np.einsum("fij,fj->fi", transforms[:, :3, :3], points) + transforms[:, :3, 3])
 
 
 def _seen_from(transforms: Floats, mine: Ints, opposite: Ints, points: Floats) -> Floats:
     """Return points (f, 3) seen from another bone. They move with a bone of their own."""
-    return _carried_by((inverses(transforms)[:, None] @ transforms)[opposite, mine], points)
+    return carried_by((inverses(transforms)[:, None] @ transforms)[opposite, mine], points)

@@ -9,6 +9,7 @@ from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.mesh.normals import unit_vectors
+from vtkmuscle.core.mesh.surface import longest_side
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.types import ROUNDING, SAME, Floats, Ints
 
@@ -183,7 +184,7 @@ def tissue_between(
     aside[sure] /= size[sure, None]
     walked = np.zeros(len(at))
     nearest, depth = depth.reshape(-1), depth.reshape(-1).copy()
-    inside = depth > SAME * float(np.ptp(at, axis=0).max())
+    inside = depth > SAME * longest_side(at)
     going = np.flatnonzero(sure & inside)
     while len(going):
         # No surface is nearer than the depth: go on by that much, and stay inside.

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, eye_array
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.jit import vector_kernel
-from vtkmuscle.core.mesh.harmonic import cotangent_laplacian
 from vtkmuscle.core.mesh.triangle_tree import Near
 from vtkmuscle.core.motion.blending import nearest_rotations
 from vtkmuscle.core.pbd.solver import PBDSolver, State
+from vtkmuscle.core.skinning.diffusion import cotangent_weights
 from vtkmuscle.core.skinning.skinning import falling_weights
 from vtkmuscle.core.types import Floats, Ints, Progress, quiet
 
@@ -59,7 +59,7 @@ class TwoLevels:
         self._coarse = coarse
         apart, carriers = cKDTree(coarse).query(rest, k=range(1, min(CARRIERS, len(coarse)) + 1))
         self._carriers, self._parts = carriers, falling_weights(apart, np.finfo(float).tiny)
-        ring = csr_array(abs(cotangent_laplacian(coarse, topology.triangles)) > 0.0)
+        ring = cotangent_weights(coarse, topology.triangles) + eye_array(len(coarse))
         rings = csr_array((ring @ ring).astype(np.bool_))
         sizes, near = np.diff(rings.indptr), coarse[rings.indices]
         arms = near - np.repeat(np.add.reduceat(near, rings.indptr[:-1]) / sizes[:, None], sizes, axis=0)

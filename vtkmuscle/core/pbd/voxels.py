@@ -19,6 +19,7 @@ from vtkmuscle.core.bones.contact import BoneBoxes, boxes_met
 from vtkmuscle.core.errors import errors_at
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.solids import closed_shells
+from vtkmuscle.core.mesh.surface import box_of
 from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour
 from vtkmuscle.core.motion.rigid import apply_transform, frame_at, inverse
 from vtkmuscle.core.types import ROUNDING, SAME, Bools, Floats, Ints
@@ -88,7 +89,7 @@ def build_voxel_grid(
     if surface.remarks:
         warnings.warn(f"{what}: " + "; ".join(surface.remarks), stacklevel=2)
     used = points[np.unique(triangles)]
-    low, high = used.min(axis=0), used.max(axis=0)
+    low, high = box_of(used)
     thinnest = SAME * (float(np.linalg.norm(high - low)) or 1.0)
     flat = high - low < thinnest
     low, high = np.where(flat, low - thinnest, low), np.where(flat, high + thinnest, high)
