@@ -15,6 +15,7 @@ from lifting_cords import lifting_cords
 from phantoms import pulleys
 from phantoms.cords import cord
 from phantoms.straps import block, end_ring, round_ring, strap
+from phantoms.winding_strap import winding_strap
 from scipy.spatial import ConvexHull
 
 from vtkmuscle.core.motion.rigid import hinge
@@ -67,6 +68,7 @@ def held_out() -> Iterator[tuple[str, Phantom, str | None]]:
     with patch.object(pulleys, "rod", lambda _start, _end, radius: ball((0.0, 0.0, 0.0), radius)):
         yield "rod over a sphere", _cord([4.0] * 3, 24.0), None
     yield "strap over two rollers", _over_two_rollers(), None
+    yield "strap that winds round a shaft", winding_strap(), None
     yield "sheet turned in its plane", _sheet(), None
     for radius, thickness, wrap in ((12.0, 16.0, 30.0), (30.0, 6.0, 60.0)):
         with sized(lifting, RADIUS=radius, THICKNESS=thickness, LIFT_OFF=wrap):

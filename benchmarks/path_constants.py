@@ -27,6 +27,7 @@ CONSTANTS = (
     ((neighbours,), "LEAST_SPACING", "least distance of paths, for their stiffness", False),
     ((surroundings,), "LARGEST_STANDOFF", "largest distance kept from a bone", False),
     ((surroundings,), "BUNDLE", "width of a bundle that bows", False),
+    ((surroundings,), "ASIDE", "stiffness beside a path on a bone", False),
     ((surroundings,), "THICKNESS_SMOOTHING", "smoothing of the tissue's thickness", True),
     ((bone_contact, pose, ring_contact), "PUSH", "stiffness of bones", False),
     ((bone_contact,), "ROUNDING", "rounding of their contact", False),

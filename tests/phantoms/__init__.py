@@ -23,11 +23,12 @@ from phantoms.pulleys import (
 from phantoms.ring_tendon import tendon_through_ring
 from phantoms.slivered_tendon import slivered_tendon
 from phantoms.two_joint_strap import strap_over_two_joints
+from phantoms.winding_strap import winding_strap
 from vtkmuscle.phantoms import Phantom, hip, pennate_block, spindle_over_hinge, wrapping_cylinder
 
 __all__ = [
     "Phantom", "block_sheets", "broad_origin", "fibre_block", "flexor_over_brim", "hip", "label_map", "leg",
     "lifting_strap", "pennate_belly", "pennate_block", "slivered_tendon", "spindle_over_ball",
     "spindle_over_hinge", "strap_along_bone", "strap_beside_bone", "strap_over_two_joints",
-    "tendon_between_bones", "tendon_through_ring", "tendon_under_band", "wrapping_cylinder",
+    "tendon_between_bones", "tendon_through_ring", "tendon_under_band", "winding_strap", "wrapping_cylinder",
 ]  # fmt: skip

@@ -18,7 +18,7 @@ def samples():
 
 
 def cloud(samples, volume):
-    return Cloud(samples, volume, (samples.min(axis=0), samples.max(axis=0)))
+    return Cloud(samples, volume)
 
 
 def along_z(feet, n_points=12):

@@ -124,8 +124,7 @@ def arrangement(points: Floats, offsets: Ints, samples: Floats, volume: float) -
     lines = evenly_spaced(points, offsets, STATIONS)
     # Between the points of finer fibres the grain of the surface turns them, not their course.
     courses = [line if len(fibre) > STATIONS else fibre for line, fibre in zip(lines, fibres, strict=True)]
-    steps = (np.diff(course, axis=0) for course in courses)
-    proper = [each[each.any(axis=1)] for each in steps]
+    proper = [each[each.any(axis=1)] for each in (np.diff(course, axis=0) for course in courses)]
     turns = [angles_between(each[1:], each[:-1]) for each in proper]
     neighbours, bare = _neighbours(lines[:, STATIONS // 2]), 0.0
     if len(samples):

@@ -63,17 +63,16 @@ FINEST = 256
 
 
 class Cloud(NamedTuple):
-    """Samples (j, 3) of even density in a muscle, the muscle's volume [mm^3], and the samples' box [mm]."""
+    """Samples (j, 3) of even density in a muscle, and the muscle's volume [mm^3]."""
 
     samples: Floats
     volume: float
-    box: tuple[Floats, Floats]
 
 
 def cloud(samples: Floats, points: Floats, triangles: Ints) -> Cloud:
     """Return samples (j, 3), j >= 1, of a muscle with a surface."""
     samples = samples[space_order(samples)]  # neighbours in sequence find the same nodes in the cache
-    return Cloud(samples, abs(signed_volume(points, triangles)), box_of(samples))
+    return Cloud(samples, abs(signed_volume(points, triangles)))
 
 
 def steps_to_centres(points: Floats, offsets: Ints, within: Cloud) -> Floats:
@@ -82,7 +81,7 @@ def steps_to_centres(points: Floats, offsets: Ints, within: Cloud) -> Floats:
     Fibres move across themselves, and steps are smoothed along the fibre, which preserves neighbours.
     """
     lines = evenly_spread(points, offsets, STATIONS)
-    low, high = box_of(np.vstack([*within.box, *box_of(lines.reshape(-1, 3))]))
+    low, high = box_of(np.vstack([within.samples, lines.reshape(-1, 3)]))
     length = float(np.linalg.norm(np.diff(lines, axis=1), axis=2).sum())
     extent, step = high - low, length / (len(lines) * (STATIONS - 1))
     spacing = max(float(np.sqrt(within.volume / max(length, 1e-300))), 1e-300)  # between fibres
