@@ -13,8 +13,7 @@ import how_right  # noqa: F401 -- finds the phantoms of the tests
 import numpy as np
 from lifting_cords import lifting_cords
 from phantoms import pulleys
-from phantoms.cords import cord
-from phantoms.straps import block, end_ring, round_ring, strap
+from phantoms.straps import block, end_ring, strap
 from phantoms.winding_strap import winding_strap
 from scipy.spatial import ConvexHull
 
@@ -63,10 +62,11 @@ def held_out() -> Iterator[tuple[str, Phantom, str | None]]:
     ):
         with sized(pulleys, RADIUS=radius, THICKNESS=thickness):
             yield size, pulleys._strap(size, above=120.0, width=width), None
-    yield "rod over a roller", _cord([8.0] * 3, 28.0), None
-    yield "belly and tendon over a roller", _cord([5.0, 12.0, 13.0, 10.0, 5.0, *[3.0] * 4], 23.0), None
+    yield "rod over a roller", pulleys.cord_over_roller([8.0] * 3, 28.0), None
+    radii = [5.0, 12.0, 13.0, 10.0, 5.0, *[3.0] * 4]
+    yield "belly and tendon over a roller", pulleys.cord_over_roller(radii, 23.0), None
     with patch.object(pulleys, "rod", lambda _start, _end, radius: ball((0.0, 0.0, 0.0), radius)):
-        yield "rod over a sphere", _cord([4.0] * 3, 24.0), None
+        yield "rod over a sphere", pulleys.cord_over_roller([4.0] * 3, 24.0), None
     yield "strap over two rollers", _over_two_rollers(), None
     yield "strap that winds round a shaft", winding_strap(), None
     yield "sheet turned in its plane", _sheet(), None
@@ -97,20 +97,6 @@ def held_out() -> Iterator[tuple[str, Phantom, str | None]]:
             yield f"cylinder of {radius:g} mm", wrapping_cylinder(angles=range(*angles, 5)), None
     for name, phantom in lifting_cords():
         yield name, phantom, None
-
-
-def _cord(radii: list[float], middle: float) -> Phantom:
-    """Return a round muscle of radii along its course; its middle runs round the roller at a radius [mm]."""
-    line = pulleys._line(150.0, middle)
-    bones = pulleys._bones(150.0, max(radii) + 8.0, line)
-    areas = ends(
-        "proximal",
-        round_ring(line[0], (0, -1), 0.8 * radii[0]),
-        "distal",
-        round_ring(line[-1], line[-1] - line[-2], 0.8 * radii[-1]),
-    )
-    made = {name: mesh_of(bone, 2.3, 5000) for name, bone in bones.items()}
-    return pulleys._phantom("cord", made, mesh_of(cord(line, radii), 1.6, 3500), areas, middle)
 
 
 def _over_two_rollers(forward: float = 14.0, height: float = 90.0, above: float = 170.0) -> Phantom:

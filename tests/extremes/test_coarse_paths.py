@@ -1,13 +1,16 @@
 """Paths of too few segments: right, or seen by the verdict."""
 
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import phantoms
 import pytest
+from phantoms import pulleys
 from slow import slow
 
 from vtkmuscle import Scene
+from vtkmuscle.phantoms.implicit import ball
 from vtkmuscle.run.verdict import reasons_of
 
 GROUP = "Few segments of a path round bones"
@@ -49,3 +52,16 @@ def test_too_few_segments_are_seen(case, ledger):
             ledger.refused(GROUP, f"{case}, {n} segments", f"{seen[0].verdict}: {seen[0].says}")
         else:
             ledger.passed(GROUP, f"{case}, {n} segments", "error of length [mm]", off)
+
+
+@pytest.mark.parametrize("n", [12, 16])
+def test_a_cord_of_few_segments_stays_on_a_ball(n):
+    """Its middle runs round 24 mm; with less tissue beside them, paths slipped off and were 60 mm shorter."""
+    with patch.object(pulleys, "rod", lambda _start, _end, radius: ball((0.0, 0.0, 0.0), radius)):
+        scene = Scene.from_phantom(pulleys.cord_over_roller([4.0] * 3, 24.0), n_fibres=9)
+    run = replace(scene, deformer="none", paths={"resolution": n}).run(
+        report=False, figures=False, sense=False
+    )
+    (lengths,) = (each.mean(axis=1) for each in run.lengths.values())
+    wound = 24.0 * np.radians(np.subtract(run.times, run.times[0]))
+    np.testing.assert_allclose(lengths - lengths[0], wound, atol=4.0)

@@ -74,6 +74,20 @@ def tendon_between_bones() -> Phantom:
     return _phantom("tendon_between_bones", bones, muscle, areas, RADIUS + CORD)
 
 
+def cord_over_roller(radii: list[float], middle: float) -> Phantom:
+    """Return a round muscle of radii along its course; its middle runs round the roller at a radius [mm]."""
+    line = _line(150.0, middle)
+    bones = _bones(150.0, max(radii) + 8.0, line)
+    areas = ends(
+        "proximal",
+        round_ring(line[0], (0, -1), 0.8 * radii[0]),
+        "distal",
+        round_ring(line[-1], line[-1] - line[-2], 0.8 * radii[-1]),
+    )
+    made = {name: mesh_of(bone, 2.3, 5000) for name, bone in bones.items()}
+    return _phantom("cord", made, mesh_of(cord(line, radii), 1.6, 3500), areas, middle)
+
+
 @cache
 def _tendon_between() -> tuple[dict[str, Surface], Surface, list[AttachmentArea]]:
     above, middle = 150.0, RADIUS + CORD
