@@ -13,11 +13,8 @@ from vtkmuscle.paraview.environment import COMPATIBILITY, PLUGINS, link_packages
 
 def test_the_folder_gives_what_the_filters_need_and_no_vtk(tmp_path):
     link_packages(tmp_path)
-    assert {"vtkmuscle", "numpy", "scipy", "numba", "llvmlite", "lazy_loader", "pydantic", "tomli_w"} <= {
-        path.name for path in tmp_path.iterdir()
-    }
     script = (
-        "import numba, numpy, scipy.spatial, vtkmuscle, pydantic, tomli_w\n"
+        "import vtkmuscle.core.mesh.harmonic, vtkmuscle.core.pbd.solver, llvmlite, pydantic, tomli_w\n"
         "from importlib.util import find_spec\n"
         "print(find_spec('vtk'), find_spec('vtkmodules'))"
     )

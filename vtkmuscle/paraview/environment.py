@@ -17,7 +17,7 @@ PLUGINS = _HERE / "plugins"
 COMPATIBILITY = _HERE / "compatibility_5_11"
 #: Packages for filters and scenes besides vtkmuscle; a missing package is reported on use.
 DISTRIBUTIONS = (
-    *("numpy", "scipy", "numba", "llvmlite", "lazy-loader", "tomli-w"),
+    *("numpy", "scipy", "numba", "llvmlite", "lazy-loader", "tomli-w", "robust-laplacian"),
     *("pydantic", "pydantic-core", "annotated-types", "typing-extensions", "typing-inspection"),
 )
 #: File with the links made in a folder.
