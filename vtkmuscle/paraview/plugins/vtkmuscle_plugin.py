@@ -17,8 +17,8 @@ except ImportError as error:
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     raise RuntimeError(
         f"vtkmuscle cannot be imported here ({error}). ParaView needs vtkmuscle, numba, numpy, scipy, "
-        "lazy-loader, robust-laplacian, pydantic and tomli-w in PYTHONPATH, for ParaView's Python "
-        f"{version}, without a second VTK; run 'vtkmuscle paraview-path' and see the documentation, 'In ParaView'"
+        f"lazy-loader, robust-laplacian, pydantic and tomli-w in PYTHONPATH, for its Python {version}, "
+        "without a second VTK; run 'vtkmuscle paraview-path' and see the documentation, 'In ParaView'"
     ) from error
 
 paraview_plugin_name = "Muscle"
