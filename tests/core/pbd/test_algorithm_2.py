@@ -156,11 +156,11 @@ def test_points_fixed_by_collision_are_those_in_the_voxels_of_the_paper(phantom)
 
 @pytest.mark.slow
 def test_one_iteration_throws_what_it_reads_off_its_bones(lhdl_hip):
-    """Fig. 8 shows a muscle after 1 iteration per step; as printed its edges have many times their length."""
+    """Fig. 8 shows a muscle after 1 iteration per step; as printed it leaves the scene by 92 degrees."""
     scene = Scene.load(lhdl_hip / "scene.toml")
     both = Both(scene, "adductor_brevis", iterations=1)
-    time = float(scene.motion.times[20])
-    assert both.product.update(time=time).output.field_data["EdgeStretchMax"][0] > 50.0
+    time = float(scene.motion.times[-1])
+    assert both.product.update(time=time).output.field_data["EdgeStretchMax"][0] > 1000.0
 
 
 @pytest.mark.study
