@@ -67,6 +67,7 @@ EQUIVALENT: dict[str, str] = {
     "core.mesh.sampling.: 1.324717957244746 -> 2.649435914489492": "equivalent: other numbers, as even",
     "core.paths.bone_contact.BoneContacts.sags: 0.5 -> 1.0": "equivalent: a bound, looked up more often",
     "core.template.fit_box: 360.0 -> 720.0": "equivalent: each box is tried twice",
+    "core.pbd.solver.: 1.0 -> 2.0": "equivalent: the way is tried in quarters, and as far as it goes",
     "core.paths.surroundings.: 1e-6 -> 2e-06": "equivalent: a guard against rounding",
     "core.fibres.between_areas.matched_ends: -1 -> (1)": (
         "equivalent: sets may be halved along any direction; sums of squares differ by less than 0.02 %"

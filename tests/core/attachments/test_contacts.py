@@ -28,8 +28,9 @@ def points_of(end):
     return np.concatenate([part for _, part in end.contacts])
 
 
-def test_the_ends_are_what_is_near_the_two_bones():
-    larger, smaller = ends_of({"lower": along(57, 60), "upper": along(0, 6)})
+@pytest.mark.parametrize("depth", [0.0, 5.0])
+def test_the_ends_are_what_is_near_the_two_bones_and_inside(depth):
+    larger, smaller = ends_of({"lower": along(57, 60), "upper": along(0, 6) - depth * (X < 3)})
     assert (larger.bone, smaller.bone) == ("upper", "lower")
     np.testing.assert_array_equal(np.sort(points_of(larger)), np.flatnonzero(X <= 7))
     np.testing.assert_array_equal(np.sort(points_of(smaller)), np.flatnonzero(X >= 56))

@@ -7,7 +7,12 @@ from shapes import sphere
 from spindle import spindle
 
 from vtkmuscle.core.fibres import mean_value
-from vtkmuscle.core.fibres.embedding import sparse_mean_value_coordinates, sparse_transport, vertex_groups
+from vtkmuscle.core.fibres.embedding import (
+    EmbeddedPoints,
+    sparse_mean_value_coordinates,
+    sparse_transport,
+    vertex_groups,
+)
 from vtkmuscle.core.fibres.mean_value import mean_value_coordinates, transport
 
 # An L-shaped block (concave), 12 points, outward oriented: an L in x and y, extruded along z.
@@ -185,3 +190,10 @@ def test_few_or_equal_points_have_groups(points):
     order, groups, _ = vertex_groups(points)
     assert sorted(order) == list(range(len(points)))
     assert (groups.sizes == 1).sum() == len(points)
+
+
+def test_progress_grows_to_the_whole(rng):
+    told: list[float] = []
+    EmbeddedPoints(rng.uniform(1.0, 7.0, (300, 3)), *block(), 0.0).moved(block()[0], told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0

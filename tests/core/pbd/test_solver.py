@@ -8,7 +8,7 @@ from spindle import spindle
 from vtkmuscle.core.bones.bone import bone_of
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
-from vtkmuscle.core.pbd.levels import TwoLevels
+from vtkmuscle.core.pbd.levels import TwoLevels, coarse_fixed_points
 from vtkmuscle.core.pbd.solver import PUBLISHED, Parameters, PBDSolver
 
 BOTH = pytest.mark.parametrize("published", [False, True])
@@ -97,3 +97,10 @@ def test_a_fine_surface_goes_with_the_coarse_surface_and_its_fixed_points_with_t
     for bone, transform in enumerate(bent(10.0)):
         fixed = fine[2] == bone
         np.testing.assert_allclose(stayed[fixed], apply_transform(transform, fine[0][fixed]), atol=1e-9)
+
+
+def test_a_bone_that_no_coarse_point_is_nearest_to_gets_the_one_nearest_to_its_points():
+    fine, fixed_to = np.eye(3)[[0] * 12] * np.arange(12.0)[:, None], np.full(12, -1)
+    fixed_to[:4], fixed_to[6:8] = 0, 1
+    coarse = fine[[1, 5, 10]] + [0.1, 1.0, 0.0]
+    np.testing.assert_array_equal(coarse_fixed_points(fine, fixed_to, coarse), [0, 1, -1])

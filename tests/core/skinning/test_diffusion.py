@@ -47,3 +47,11 @@ def test_points_outside_keep_theirs_and_there_are_no_new_extremes(time, rng):
     assert np.array_equal(now[~inside], field[~inside])
     assert np.abs(now).max() <= np.abs(field).max() + 1e-12
     assert np.std(now[inside]) < np.std(field[inside])
+
+
+def test_points_in_one_place_and_triangles_without_area_leave_vectors_finite(rng):
+    points, triangles, inside = plane(9)
+    points[41], points[22] = points[40], 0.5 * (points[21] + points[23])
+    field = rng.uniform(-1.0, 1.0, points.shape)
+    Diffusion(points, triangles).spread(field, 3.0, inside)
+    assert np.abs(field).max() <= 1.0
