@@ -30,8 +30,8 @@ POINTS = 33
 
 #: Bones go from one pose to another in parts, in which they carry no end of a path farther than this, in
 #: segments: a path does not jump over what lies between. A jump over 90 degrees takes 12 to 52 % less time
-#: than with 4, and about as long as with 16, with which lengths of three muscles of a hip and a knee depend on
-#: the way by 0.14 to 0.28 mm, not by 0.003 to 0.03.
+#: than with 4, and about as long as with 16, with which lengths of three muscles of a hip and a knee depend
+#: on the way by 0.14 to 0.28 mm, not by 0.003 to 0.03.
 LARGEST_MOVE = 8.0
 
 #: Settling in a part before the last ends at this many tolerances. A move over a whole motion takes 3 to 41 %
