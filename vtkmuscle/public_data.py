@@ -1,7 +1,5 @@
 """The right hip of the LHDL data set as a scene: pelvis, femur, four muscles, landmarks, joint."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Mapping
 from os import PathLike

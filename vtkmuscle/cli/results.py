@@ -193,7 +193,7 @@ def report(
     typer.echo(f"wrote {page}")
 
 
-def _loaded(results: Path, literature: Path | None) -> vtkmuscle.Result:
+def _loaded(results: Path, literature: Path | None) -> "vtkmuscle.Result":
     """Return the results in a folder, with optional published moment arms."""
     result = vtkmuscle.Result.load(results)
     return result if literature is None else result.with_literature(literature)

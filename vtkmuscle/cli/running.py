@@ -1,7 +1,5 @@
 """Runs of scenes from the command line: progress and outcome."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -18,7 +16,7 @@ from vtkmuscle.cli import options as shared
 from vtkmuscle.core.errors import InputError
 
 
-def run_and_report(scene: vtkmuscle.Scene, out: Path, options: shared.RunArguments) -> None:
+def run_and_report(scene: "vtkmuscle.Scene", out: Path, options: shared.RunArguments) -> None:
     """Run a scene, and print the outcome and the files."""
     from vtkmuscle.run.store import PAGE, ResultFolder
     from vtkmuscle.run.verdict import reasons_of
@@ -53,7 +51,7 @@ def run_and_report(scene: vtkmuscle.Scene, out: Path, options: shared.RunArgumen
         raise typer.Exit(shared.Status.FAILED)
 
 
-def _run(scene: vtkmuscle.Scene, out: Path, options: shared.RunArguments) -> Any:
+def _run(scene: "vtkmuscle.Scene", out: Path, options: shared.RunArguments) -> Any:
     """Run a scene, or compute a single output, with progress bars."""
     from vtkmuscle.run import run_only
 

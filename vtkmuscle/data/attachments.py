@@ -1,7 +1,5 @@
 """Attachment areas and aponeuroses as data, a block for each."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeGuard

@@ -1,7 +1,5 @@
 """AttachmentEstimator: attachments of a muscle without digitised landmarks."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """BoneMotion: bones at a time of a rigid motion."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any

@@ -1,7 +1,5 @@
 """FibreMetrics: measure fibres."""
 
-from __future__ import annotations
-
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 

@@ -1,7 +1,5 @@
 """FibreSmoother: smooth fibres and spread them over a muscle."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from vtkmodules.vtkCommonDataModel import vtkPolyData

@@ -1,7 +1,5 @@
 """FibreSource: fill a muscle with fibres."""
 
-from __future__ import annotations
-
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 

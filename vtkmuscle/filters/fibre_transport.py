@@ -1,7 +1,5 @@
 """Fibres in a deformed muscle: moved with it, and with the tendons at their ends held."""
 
-from __future__ import annotations
-
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 

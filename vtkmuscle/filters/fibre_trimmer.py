@@ -1,7 +1,5 @@
 """FibreTrimmer: end fibres on the attachment areas."""
 
-from __future__ import annotations
-
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 

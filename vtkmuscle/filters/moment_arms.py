@@ -1,7 +1,5 @@
 """MomentArms: moment arms of paths or fibres about joints."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

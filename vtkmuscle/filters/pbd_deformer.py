@@ -1,7 +1,5 @@
 """PBDDeformer: position based dynamics of a muscle's surface."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 from typing import Any

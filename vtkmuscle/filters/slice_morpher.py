@@ -1,7 +1,5 @@
 """SliceMorpher: map the fitted template into the muscle, slice by slice."""
 
-from __future__ import annotations
-
 import warnings
 from typing import Any
 

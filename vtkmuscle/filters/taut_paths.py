@@ -1,7 +1,5 @@
 """TautPaths: paths of a muscle, taut around the moving bones."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any

@@ -1,7 +1,5 @@
 """TemplateFitter: fit a fibre template around a muscle."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

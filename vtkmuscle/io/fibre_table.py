@@ -1,7 +1,5 @@
 """Measures of fibres as tables and summaries."""
 
-from __future__ import annotations
-
 from os import PathLike
 from pathlib import Path
 from typing import Any

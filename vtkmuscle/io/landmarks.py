@@ -1,7 +1,5 @@
 """Read landmarks of areas and aponeuroses, also those of 3D Slicer."""
 
-from __future__ import annotations
-
 import json
 import re
 import zlib

@@ -1,7 +1,5 @@
 """Published moment arms, for comparison with a run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from os import PathLike

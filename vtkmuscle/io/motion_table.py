@@ -1,7 +1,5 @@
 """Tables of rigid transforms."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path

@@ -10,8 +10,6 @@ numbers, row by row. Computed nodes have 1 ``<Transform>`` instead.
 invisible landmark is zero.
 """
 
-from __future__ import annotations
-
 from collections.abc import Container
 from itertools import chain, count
 from os import PathLike

@@ -1,7 +1,5 @@
 """Bodies, joints, couplings and motions in files of OpenSim and SIMM."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Architecture of muscles from surfaces alone."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

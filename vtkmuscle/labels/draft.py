@@ -1,7 +1,5 @@
 """Draft of a scene, and drafts from mesh and landmark files, recognised by name."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """Guesses in a drafted scene, each with a confidence; joints by names and fits."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

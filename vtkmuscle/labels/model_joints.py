@@ -1,7 +1,5 @@
 """Joints of a draft from an OpenSim model, by names of bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any

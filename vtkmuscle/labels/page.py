@@ -1,7 +1,5 @@
 """Scenes drafted from files or label maps, with tendons for bare bellies, and their page."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from os import PathLike

@@ -1,7 +1,5 @@
 """Segmentation files: NIfTI, NRRD, MetaImage and DICOM; label names, and kinds of structures by name."""
 
-from __future__ import annotations
-
 import gzip
 import math
 import re

@@ -1,7 +1,5 @@
 """Jumps and sign changes of muscle lengths and moment arms."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain

@@ -1,7 +1,5 @@
 """Parts of exported muscles: fitted polynomial and point paths, and muscle properties."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise

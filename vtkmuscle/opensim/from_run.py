@@ -1,7 +1,5 @@
 """Muscles of a run in OpenSim and MuJoCo models."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence

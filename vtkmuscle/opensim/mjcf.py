@@ -1,7 +1,5 @@
 """Models of MuJoCo (MJCF): text of a tree with spatial tendons, and models read by the package mujoco."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike

@@ -1,7 +1,5 @@
 """Models of OpenSim: bodies, joints and muscles in files of versions 3 and 4."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike

@@ -1,7 +1,5 @@
 """Text of new and of extended OpenSim models."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -10,8 +10,6 @@ with the known answers in brackets:
 Fibres: :func:`fibre_block` and :func:`pennate_block` (lengths, pennation).
 """
 
-from __future__ import annotations
-
 from vtkmuscle.phantoms.fibre_bodies import fibre_block, pennate_block
 from vtkmuscle.phantoms.hip_joint import hip
 from vtkmuscle.phantoms.one_hinge import spindle_over_hinge, wrapping_cylinder

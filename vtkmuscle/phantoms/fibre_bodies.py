@@ -1,7 +1,5 @@
 """Muscles whose fibres are known: straight blocks."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

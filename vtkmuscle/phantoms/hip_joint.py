@@ -1,7 +1,5 @@
 """The phantom hip: the demo's data set. Shapes, frame and sources are in ``hip.toml``."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any

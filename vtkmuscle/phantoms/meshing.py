@@ -1,7 +1,5 @@
 """Even triangle meshes of implicit solids, solids of revolution and boxes."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import Delaunay

@@ -1,7 +1,5 @@
 """Muscles over a hinge: a spindle, the simplest scene, and a strap that a cylinder winds up."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

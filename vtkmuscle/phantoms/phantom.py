@@ -1,7 +1,5 @@
 """A scene made by a rule, with known answers: bones, muscles, attachments and a motion."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 

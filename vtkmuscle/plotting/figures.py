@@ -1,7 +1,5 @@
 """The figures of a run as matplotlib figures."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

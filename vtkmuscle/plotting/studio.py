@@ -1,7 +1,5 @@
 """Bones, muscles, fibres and fixed points as VTK actors, and an off-screen window for pictures."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, Self

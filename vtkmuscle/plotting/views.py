@@ -1,7 +1,5 @@
 """Colours, simplified bones, and view directions on muscles with the least hidden area."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

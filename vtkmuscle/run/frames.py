@@ -1,7 +1,5 @@
 """The options of a run, and the frames of a muscle, in memory or in files."""
 
-from __future__ import annotations
-
 import time
 from collections import UserList
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Tables of results: columns of equal length by name."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from importlib import import_module

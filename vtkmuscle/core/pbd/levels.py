@@ -1,7 +1,5 @@
 """Position based dynamics on two levels: the fine follows the coarse."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

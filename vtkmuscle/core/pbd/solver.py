@@ -5,8 +5,6 @@ with their bones: the step is left to the edges between. By default free points 
 wound round them, and have no velocities; angles have a sign, and volume and bones come last.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

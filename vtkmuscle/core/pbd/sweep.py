@@ -28,8 +28,6 @@ Where the paper cannot be run as printed:
   to, and stays flat. The signed angle has a direction.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
