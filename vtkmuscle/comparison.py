@@ -1,7 +1,5 @@
 """Comparison of runs of other settings, sides or subjects, and of published moment arms."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -90,7 +88,7 @@ class Comparison:
             rows += [(muscle, "", "", "", key[1], self.verdicts[key], *(None,) * 5) for key in left]
         return Table(COLUMNS, rows)
 
-    def figure(self) -> Figure:
+    def figure(self) -> "Figure":
         """Return a figure of all curves. A row of panels per muscle, a panel per quantity."""
         from matplotlib import rcParams  # noqa: PLC0415 -- a table needs no figure
 

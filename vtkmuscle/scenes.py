@@ -1,7 +1,5 @@
 """Scenes: read, check, save and run."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from html import escape
@@ -130,7 +128,7 @@ class Scene(SceneData, ByName):
         return cls(**read_fields(Path(path)))
 
     @classmethod
-    def from_phantom(cls, phantom: Phantom, *, n_fibres: int = 100, resolution: int = 15) -> Self:
+    def from_phantom(cls, phantom: "Phantom", *, n_fibres: int = 100, resolution: int = 15) -> Self:
         """Return a phantom's scene [mm].
 
         Every muscle has fibres. ``n_fibres`` counts fibres per muscle, ``resolution`` segments per fibre.

@@ -1,7 +1,5 @@
 """Speed against accuracy: a scene with many settings, in time a pose and in errors."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -83,7 +81,7 @@ class Tradeoff:
         cheapest = {name: whole[name][best].item() for name in (*self.settings, "verdict", "ms")}
         return cheapest | {"error_mm": float(errors[best])}
 
-    def figure(self) -> Figure:
+    def figure(self) -> "Figure":
         """Return a figure of time against errors, a point per setting."""
         from vtkmuscle.plotting.sheets import blank_figure  # noqa: PLC0415 -- a table needs no figure
 

@@ -1,7 +1,5 @@
 """Models, reports and figures of results, and scenes from label maps, meshes and landmarks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
@@ -91,7 +89,7 @@ def _animate(source: Path, out: Path, options: ExportOptions) -> None:
     typer.echo(f"wrote {out}, with {len(result.frames)} frame{'s' * (len(result.frames) != 1)}")
 
 
-def _say(checked: ModelCheck) -> None:
+def _say(checked: "ModelCheck") -> None:
     """Print a check's coverage and findings."""
     from vtkmuscle.opensim.checking import FIBRES_OUTSIDE
 
@@ -299,7 +297,7 @@ def init(
     _tell(vtkmuscle.init(files, out, **settings), options.quiet)
 
 
-def _tell(draft: Draft, quiet: bool) -> None:
+def _tell(draft: "Draft", quiet: bool) -> None:
     """Print the unsure guesses of a draft, and how to go on."""
     from vtkmuscle.labels.guesses import LEFT_OUT, LOOK, table_of
     from vtkmuscle.labels.page import PAGE

@@ -1,7 +1,5 @@
 """Figures to be drawn. A child process, which a driver may end, tests off-screen rendering."""
 
-from __future__ import annotations
-
 import re
 import signal
 import subprocess
@@ -82,7 +80,7 @@ class FigureOrder:
     rendered: bool = False
 
     def write(
-        self, folder: Path, bones: DrawnBones, studio: Studio, form: str = "png", **options: float
+        self, folder: Path, bones: DrawnBones, studio: "Studio", form: str = "png", **options: float
     ) -> Path:
         """Draw the figure into a folder, of a ``width`` and ``dpi``; return the file."""
         from vtkmuscle.plotting import figures  # noqa: PLC0415 -- loads matplotlib

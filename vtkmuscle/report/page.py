@@ -1,7 +1,5 @@
 """The report of a run as a self-contained page, and pages of sections."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -119,7 +117,7 @@ def svg_curve(x: Floats, y: Floats, x_unit: str, size: tuple[int, int] = (220, 5
     return {"size": size, "points": points, "zero": f"{zero[0]:.1f}", "labels": labels}
 
 
-def page_of(run: Result, many: int = 6) -> str:
+def page_of(run: "Result", many: int = 6) -> str:
     """Return the page of a run as text. The page needs no external resources.
 
     ``many`` is the number of muscles above which the cards are collapsed.

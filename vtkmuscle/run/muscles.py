@@ -1,7 +1,5 @@
 """A muscle's run through a scene."""
 
-from __future__ import annotations
-
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -68,7 +66,7 @@ class MuscleRun:
     with ``others`` is measured, and with ``muscle_contact`` ``"on"`` the muscle is kept out of ``others``.
     """
 
-    def __init__(self, run: SceneRun, name: str, neighbours: Sequence[MuscleRun] = ()) -> None:
+    def __init__(self, run: SceneRun, name: str, neighbours: Sequence["MuscleRun"] = ()) -> None:
         self.run, self.scene, self.clock = run, run.scene, run.options.clock
         self.name, self.track, self.neighbours = name, MuscleTrack(), neighbours
         self.deformer: PathDeformer | PBDDeformer | None = None

@@ -1,7 +1,5 @@
 """Processes that solve muscles and draw figures. Python's lock is held for 0.72 of the time of a frame."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import signal
@@ -101,7 +99,7 @@ class _Worker:
 
     run: SceneRun
     bones: DrawnBones
-    studio: Studio | None = None
+    studio: "Studio | None" = None
 
 
 #: Contexts open until the process of the pool ends.

@@ -1,7 +1,5 @@
 """The result of a run: its frames, tables, figures and page, as a whole and by muscle."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from html import escape
@@ -105,12 +103,12 @@ class Result(ResultData):
         """Return the names of the muscles, over which a result iterates."""
         return list(self.muscle_names)
 
-    def __getitem__(self, name: str) -> MuscleResult:
+    def __getitem__(self, name: str) -> "MuscleResult":
         """Return one muscle of the result: ``result["iliacus"].fibre_lengths``."""
         return MuscleResult(self, name)
 
     @property
-    def muscles(self) -> dict[str, MuscleResult]:
+    def muscles(self) -> dict[str, "MuscleResult"]:
         """The muscles of the result by name."""
         return dict(self.items())
 

@@ -1,7 +1,5 @@
 """Content of a scene: bones, muscles, attachments, motion, settings; errors of scenes and of their files."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -194,7 +192,7 @@ class SceneError(InputError):
 
     def __init__(
         self, problem: str, key: str = "", remedy: str = "", file: Path | None = None,
-        more: Iterable[SceneError] = (),
+        more: Iterable["SceneError"] = (),
     ) -> None:  # fmt: skip
         where = ": ".join(part for part in (str(file) if file else "scene", key) if part)
         super().__init__(where, problem, remedy)

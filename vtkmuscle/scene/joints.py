@@ -1,7 +1,5 @@
 """A scene's motion, and its joints as a kinematic tree."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,7 +24,7 @@ from vtkmuscle.scene import schema
 from vtkmuscle.scene.data import Faults, SceneData, SceneError, SceneFiles, scene_errors_at
 
 
-def motion_from(scene: schema.SceneTable, files: SceneFiles, joints: SceneJoints | None) -> RigidMotion:
+def motion_from(scene: schema.SceneTable, files: SceneFiles, joints: "SceneJoints | None") -> RigidMotion:
     """Return a scene's motion; SceneError for unreadable or inconsistent tables."""
     table = scene.motion
     if joints is not None:

@@ -1,7 +1,5 @@
 """Tables of a scene file as pydantic models, used by :mod:`vtkmuscle.scene.validation`."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -205,7 +203,7 @@ class Hill(SchemaTable):
     specific_tension: PositiveFloat | None = None
 
     @pydantic.model_validator(mode="after")
-    def _check(self) -> Hill:
+    def _check(self) -> "Hill":
         parts = [name for name in ("pcsa", "specific_tension") if getattr(self, name) is not None]
         if len(parts) == 1:
             raise InputError("", *words_of("no_force", part=parts[0]))

@@ -1,7 +1,5 @@
 """A bone with exact surface, and distances filled where looked up."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import cached_property
 from mmap import ACCESS_COPY, mmap
@@ -68,7 +66,7 @@ class Bone:
             return solids_of(self.points, self.triangles)
 
     @cached_property
-    def pieces(self) -> tuple[Bone, ...]:
+    def pieces(self) -> tuple["Bone", ...]:
         """The bone's connected pieces, largest first.
 
         Tibia and fibula in one surface are two pieces: a point between both has a direction from each. A

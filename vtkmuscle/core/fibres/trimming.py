@@ -4,8 +4,6 @@ Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section
 doi:10.1007/978-3-642-38241-3_3.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from typing import NamedTuple
@@ -52,6 +50,12 @@ class EndArea(NamedTuple):
     discs: PatchSamples | None = None
 
 
+#: Lengths to cut off an end of fibres (k,), and new ends (k, 3) [mm].
+_Ends = tuple[Floats, Floats]
+#: Map into the muscle, tolerance and largest cut, as of :func:`trim_fibres`.
+_Limits = tuple[FloatMap, float, float]
+
+
 def trim_fibres(
     points: Floats, offsets: Ints, *, axis: Floats, areas: tuple[EndArea, EndArea], limits: _Limits,
     keep: bool = True,
@@ -80,12 +84,6 @@ def trim_fibres(
     inner = polylines.inner_points(offsets)
     result[inner] = limits[0](result[inner])
     return result
-
-
-#: Lengths to cut off an end of fibres (k,), and new ends (k, 3) [mm].
-_Ends = tuple[Floats, Floats]
-#: Map into the muscle, tolerance and largest cut, as of :func:`trim_fibres`.
-_Limits = tuple[FloatMap, float, float]
 
 
 def _replaced_ends(points: Floats, offsets: Ints, starts: _Ends, ends: _Ends) -> Floats:

@@ -1,7 +1,5 @@
 """Moment arms over the poses of a motion, by coordinate."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -65,7 +63,7 @@ class ErrorSources(NamedTuple):
 def joint_arms(
     lengths: ArrayLike, levers: Mapping[str, Floats], motion: RigidMotion, names: Sequence[str] | None = None,
     *, crossed: Sequence[str] | None = None, sources: ErrorSources | None = None,
-) -> tuple[dict[str, JointArms], dict[str, str]]:  # fmt: skip
+) -> tuple[dict[str, "JointArms"], dict[str, str]]:  # fmt: skip
     """Return moment arms of paths by each coordinate.
 
     lengths : (f, k)_like, path lengths in each frame of the motion [mm];

@@ -4,8 +4,6 @@ Levels of the height give parallel plane sections, levels of any other function 
 value equal to a level counts as above: so levels through points or along edges give closed loops, too.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -58,7 +56,7 @@ class ClosedSurface:
     triangles: Ints
     opposite: Ints
 
-    def outward(self) -> ClosedSurface:
+    def outward(self) -> "ClosedSurface":
         """Return the surface with triangles that face outward."""
         if signed_volume(self.points, self.triangles) >= 0.0:
             return self

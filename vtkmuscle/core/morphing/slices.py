@@ -4,8 +4,6 @@ Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section
 doi:10.1007/978-3-642-38241-3_3.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -89,7 +87,7 @@ def mapped_points(
 
 
 def slice_maps(
-    stack: LoopStack, guides: LoopStack, box: Box, continuity: float, views: Floats | None = None
+    stack: LoopStack, guides: LoopStack, box: "Box", continuity: float, views: Floats | None = None
 ) -> Sequence[SectionMap]:
     """Return the maps to sections, with loops counterclockwise about z [mm].
 

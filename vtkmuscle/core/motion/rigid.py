@@ -1,7 +1,5 @@
 """Rigid motions: transforms, turns, frames and tables."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -166,14 +164,14 @@ class RigidMotion:
         centre = self.centre.get(bone) if isinstance(self.centre, Mapping) else self.centre
         return np.zeros(3) if centre is None else centre
 
-    def part(self, frames: ArrayLike) -> RigidMotion:
+    def part(self, frames: ArrayLike) -> "RigidMotion":
         """Return the motion at some times, by ascending numbers."""
         kept = np.asarray(frames, dtype=np.int64)
         transforms = {bone: table[kept] for bone, table in self.transforms.items()}
         coordinates = {name: coordinate.part(kept) for name, coordinate in self.coordinates.items()}
         return RigidMotion(self.times[kept], transforms, self.centre, coordinates)
 
-    def by(self, names: Sequence[str]) -> RigidMotion:
+    def by(self, names: Sequence[str]) -> "RigidMotion":
         """Return the motion with only the named coordinates."""
         return replace(self, coordinates={name: self.coordinates[name] for name in names})
 

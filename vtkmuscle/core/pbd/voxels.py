@@ -3,8 +3,6 @@
 Kohout and Cervenka 2021, section 3.2, doi:10.1007/978-3-030-72379-8_24.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -31,8 +29,6 @@ OUTSIDE, BOUNDARY, INSIDE = 0, 1, 2
 DEFAULT_N_MAX = 8 * 64**3
 #: Most cells along each axis: with a byte for each, 134 MB of a bone.
 MOST_N_EQUAL = 512
-#: Voxels of bones, by how these are divided, for all muscles that meet them.
-_GRIDS: WeakKeyDictionary[Bone, dict[tuple[int, int | None], VoxelGrid]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +48,10 @@ class VoxelGrid:
         within: Bools = np.empty(len(points), dtype=np.bool_)
         _contains((np.asarray(points, dtype=np.float64) - self.origin) / self.spacing, self.cells, within)
         return within
+
+
+#: Voxels of bones, by how these are divided, for all muscles that meet them.
+_GRIDS: WeakKeyDictionary[Bone, dict[tuple[int, int | None], VoxelGrid]] = WeakKeyDictionary()
 
 
 @kernel

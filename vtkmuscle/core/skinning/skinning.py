@@ -1,7 +1,5 @@
 """A muscle skinned to its paths, with frames by shape matching."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -124,7 +122,7 @@ class Skinning:
         carriers, weights = (fibre * n + low)[:, None] + np.arange(2), np.column_stack([1.0 - share, share])
         return SkinningWeights(np.ascontiguousarray(points), carriers, weights)
 
-    def at(self, paths: Floats, transforms: Floats) -> SkinnedMuscle:
+    def at(self, paths: Floats, transforms: Floats) -> "SkinnedMuscle":
         """Return the muscle in a pose.
 
         Paths are (f, n, 3) [mm]; the bones' transforms (b, 4, 4) lead from rest to now.

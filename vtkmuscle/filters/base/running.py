@@ -4,8 +4,6 @@ Python handles Ctrl-C: pressed while a filter executes, KeyboardInterrupt leaves
 prints and drops the interrupt in other Python callbacks, and ends the process in an observer of an event.
 """
 
-from __future__ import annotations
-
 import math
 import threading
 import warnings
@@ -196,7 +194,7 @@ class Runnable:
         """Run as :meth:`apply`, without a PyVista wrapper."""
         return run_on(*self._ends, inputs, time)
 
-    def __rshift__(self, right: Any) -> Chain:
+    def __rshift__(self, right: Any) -> "Chain":
         return Chain(self, right)
 
 

@@ -1,7 +1,5 @@
 """A run's folder, written: frames, tables and notes."""
 
-from __future__ import annotations
-
 import os
 import re
 import threading
@@ -219,7 +217,7 @@ class ResultWriter(ResultFolder):
                     writing.write_polydata(parts[name], self._stamped(bone))
             collection.add_parts(time, parts)
 
-    def write_tables(self, result: Result) -> None:
+    def write_tables(self, result: "Result") -> None:
         """Write the tables of a result and of fibre measures. Tables of lengths have all digits."""
         tables = {name: table for name, table in result.tables().items() if len(next(iter(table.values())))}
         for name, table in {"fibre_lengths": result.fibre_length_table(), **tables}.items():
@@ -231,7 +229,7 @@ class ResultWriter(ResultFolder):
         """Write report.json."""
         writing.write_json(self.path / REPORT, report, indent=1, allow_nan=False)
 
-    def complete(self, result: Result, bones: Iterable[str]) -> None:
+    def complete(self, result: "Result", bones: Iterable[str]) -> None:
         """Write the last report, and the note of the run."""
         self.write_report(result.report)
         files = [self.path / REPORT, *(self.path / FINISHED / "bones" / f"{name}.vtp" for name in bones)]
