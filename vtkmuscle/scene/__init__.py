@@ -4,7 +4,3 @@
 ``checks`` tests surfaces and landmarks, and ``sense`` reports implausible scenes. :class:`vtkmuscle.Scene`
 combines all parts.
 """
-
-from vtkmuscle.scene.data import Muscle, SceneData, SceneError
-
-__all__ = ["Muscle", "SceneData", "SceneError"]
