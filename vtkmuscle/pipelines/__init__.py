@@ -227,10 +227,6 @@ class MusclePipeline:
                 counts = {name: shaping[name] for name in ("n_fibres", "resolution") if name in shaping}
                 self.fibres = decompose(self.fixed, attachments, aponeuroses=aponeuroses, **counts)
         self.moving = BoneMotion(bones=bones, motion=motion)
-        qualities = PRESETS if deformer == "pbd" else PATH_PRESETS
-        if quality not in (None, *qualities):
-            allowed = f"with deformer={deformer!r} must be one of {', '.join(map(repr, qualities))}"
-            raise ValueError(f"MusclePipeline: quality is {quality!r}, but {allowed}")
         preset = {} if quality is None else {"quality": quality}
         posed = {"rest_bones": bones, "bones": self.moving}
         self.taut_paths: TautPaths | None = None
