@@ -88,8 +88,6 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
     standard deviation [voxels], and shifted to the level with the label's number of voxels. The mask (nk, nj,
     ni) is an image, or a box of an image; ``inner`` is its part away from the image's border.
     """
-    if not mask.any():
-        raise InputError("", "no voxel has this label")
     # Voxels of a piece share a corner; voxels around a piece share a face.
     numbers, count = ndimage.label(mask, ndimage.generate_binary_structure(3, 3))
     sizes = np.bincount(numbers.ravel(), minlength=count + 1)[1:]
