@@ -1,7 +1,5 @@
 """Write files atomically; lock a folder during a run."""
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import json
@@ -15,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
@@ -61,7 +59,6 @@ def replacing(path: Path) -> Iterator[Path]:
 
 #: Record of a folder: the digests of files that commands have written there.
 RECORD = ".vtkmuscle.json"
-_active: ContextVar[Outputs | None] = ContextVar("_active", default=None)
 
 
 class Outputs:
@@ -88,7 +85,7 @@ class Outputs:
         self._stage = partial_path(self.folder / "outputs")
 
     @classmethod
-    def for_file(cls, file: Path, inputs: Iterable[Path | None], **options: Any) -> Outputs:
+    def for_file(cls, file: Path, inputs: Iterable[Path | None], **options: Any) -> Self:
         """Return the outputs in the folder of a file, after a check of the file."""
         outputs = cls(file.parent, inputs=filter(None, inputs), **options)
         outputs.check(file)
@@ -126,7 +123,7 @@ class Outputs:
         """Return where a file is that was written inside of the context."""
         return self._staged[Path(os.path.abspath(path))]
 
-    def __enter__(self) -> Outputs:
+    def __enter__(self) -> Self:
         remove_left_behind(self.folder)
         self._missing = [each for each in (self.folder, *self.folder.parents) if not each.exists()]
         self._token = _active.set(self)
@@ -171,6 +168,10 @@ class Outputs:
         inside = self.folder in path.parents
         digests = self._record().get(path.relative_to(self.folder).as_posix(), []) if inside else []
         return bool(digests) and file_digest(path) in digests
+
+
+#: The outputs of the command in whose context files are written.
+_active: ContextVar[Outputs | None] = ContextVar("_active", default=None)
 
 
 def _reals(file: Path) -> set[Path]:

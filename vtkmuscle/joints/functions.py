@@ -1,7 +1,5 @@
 """Functions of a single coordinate with OpenSim's conventions, read from and written to its files."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Any
 from xml.etree import ElementTree
@@ -36,7 +34,7 @@ class Polynomial:
         """Return the polynomial at each value."""
         return np.asarray(np.polyval(self.coefficients, np.asarray(values, dtype=np.float64)))
 
-    def rescaled(self, x: float, y: float) -> Polynomial:
+    def rescaled(self, x: float, y: float) -> "Polynomial":
         """Return the function y f(q / x) of q."""
         return Polynomial(y * self.coefficients / x ** np.arange(len(self.coefficients))[::-1])
 
@@ -75,7 +73,7 @@ class Knots:
         inside = np.clip(values, self.x[0], self.x[-1])
         return np.asarray(self._curve(inside) + (values - inside) * self._curve(inside, 1))
 
-    def rescaled(self, x: float, y: float) -> Knots:
+    def rescaled(self, x: float, y: float) -> "Knots":
         """Return the function y f(q / x) of q, for x > 0."""
         return type(self)(x * self.x, y * self.y)
 
@@ -125,7 +123,7 @@ class Wave:
         """Return the sine at each value."""
         return self.amplitude * np.sin(self.omega * values + self.phase) + self.offset
 
-    def rescaled(self, x: float, y: float) -> Wave:
+    def rescaled(self, x: float, y: float) -> "Wave":
         """Return the function y f(q / x) of q."""
         return Wave(y * self.amplitude, self.omega / x, self.phase, y * self.offset)
 

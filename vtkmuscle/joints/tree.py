@@ -1,7 +1,5 @@
 """Kinematic trees: bodies on joints, and body poses."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from graphlib import CycleError, TopologicalSorter
@@ -41,7 +39,7 @@ class JointCoordinate:
         """Whether the coordinate is an angle."""
         return self.unit in ANGLES
 
-    def scaled(self, factor: float) -> JointCoordinate:
+    def scaled(self, factor: float) -> "JointCoordinate":
         """Return the coordinate with scaled rest and range."""
         limits = self.range and (factor * self.range[0], factor * self.range[1])
         return replace(self, rest=factor * self.rest, range=limits)
@@ -213,7 +211,7 @@ class KinematicTree:
                 raise InputError("", f"joint {joint.name!r} moves {joint.child!r} to infinity")
         return result
 
-    def scaled(self, length: float, coordinates: Mapping[str, float] | None = None) -> KinematicTree:
+    def scaled(self, length: float, coordinates: Mapping[str, float] | None = None) -> "KinematicTree":
         """Return a tree in other units, by factors of lengths and coordinates."""
         factors = {each.name: 1.0 for each in self.coordinates} | dict(coordinates or {})
 
@@ -236,7 +234,7 @@ class KinematicTree:
         own = [each.scaled(factors[each.name]) for each in self.coordinates]
         return KinematicTree(self.root, joints, own, couplings)
 
-    def in_metres(self, metres: float) -> tuple[KinematicTree, dict[str, float]]:
+    def in_metres(self, metres: float) -> tuple["KinematicTree", dict[str, float]]:
         """Return the tree in metres, and factors for coordinates. ``metres`` are per unit of length."""
         units = {coordinate.name: coordinate.unit for coordinate in self.coordinates}
         factors = {name: MILLIMETRES.get(unit, 1000.0) / 1000.0 for name, unit in units.items()}

@@ -1,7 +1,5 @@
 """PyVista plotters of bones, muscles and fibres."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -20,7 +18,7 @@ if TYPE_CHECKING:
     import pyvista
 
 
-def plain_plotter(size: Sequence[int] | None, off_screen: bool | None) -> pyvista.Plotter:
+def plain_plotter(size: Sequence[int] | None, off_screen: bool | None) -> "pyvista.Plotter":
     """Return a white plotter in the user's notebook backend."""
     import pyvista  # noqa: PLC0415 -- figures need none
 
@@ -38,7 +36,7 @@ def make_plotter(
     bones: vtkMultiBlockDataSet, muscles: Sequence[vtkPolyData], view: View, *,
     fibres: vtkPolyData | None = None, colours: NDArray[np.uint8] | None = None, fixed_points: bool = False,
     off_screen: bool | None = True,
-) -> pyvista.Plotter:  # fmt: skip
+) -> "pyvista.Plotter":  # fmt: skip
     """Return a plotter of bones, translucent muscles and fibres, to be closed after use.
 
     Parameters
@@ -123,7 +121,7 @@ class MovingScene:
         self.plotter.renderer.ResetCameraClippingRange()
 
 
-def show_time(plotter: pyvista.Plotter, time: float) -> None:
+def show_time(plotter: "pyvista.Plotter", time: float) -> None:
     """Render all filters on a plotter at a time.
 
     Parameters
