@@ -233,7 +233,7 @@ class MusclePipeline:
         at_rest = {"rest_fibres": self.rest_paths, "rest_muscle": self.fixed, "attachments": attachments}
         self.few_paths = TautPaths(**at_rest, **posed, **FEW_PATHS)
         if deformer != "pbd" or (paths is not None and self.rest_paths is not None):
-            own = {**(preset if quality in PATH_PRESETS else {}), **(paths or {})}
+            own = {**(preset if deformer != "pbd" or quality in PATH_PRESETS else {}), **(paths or {})}
             self.taut_paths = TautPaths(**at_rest, **posed, **own)
         inputs = {"muscle": self.fixed, "fibres": self.rest_paths, "neighbours": neighbours or None, **posed}
         settings = {**inputs, **preset, **(solver or {})}
