@@ -107,10 +107,11 @@ def with_settings(made: Made, **settings: Any) -> Made:
     return made
 
 
-def output_of(algorithm: Any, **settings: Any) -> Any:
+def output_of(algorithm: Any, **settings: Any) -> vtkPolyData:
     """Return the output of a VTK algorithm with settings."""
     with_settings(algorithm, **settings).Update()
-    return algorithm.GetOutput()
+    output: vtkPolyData = algorithm.GetOutput()
+    return output
 
 
 def shallow_copy(data: Data) -> Data:
@@ -120,7 +121,7 @@ def shallow_copy(data: Data) -> Data:
     return copy
 
 
-def with_points(data: Any, points: Floats) -> Any:
+def with_points(data: vtkPolyData, points: Floats) -> vtkPolyData:
     """Return a shallow copy with new points, without normals."""
     copy = with_settings(shallow_copy(data), Points=vtk_points(points))
     for attributes in (copy.GetPointData(), copy.GetCellData()):

@@ -116,7 +116,7 @@ def deformed_muscle(
     bones: Iterable[tuple[Bone, Floats]], measured: tuple[bool, bool],
 ) -> vtkPolyData:  # fmt: skip
     """Return a muscle in a pose; if wanted, with measures of its shape and of its depth in bones."""
-    result: vtkPolyData = with_points(data, pose.surface)
+    result = with_points(data, pose.surface)
     add_arrays(result, points={"Displacement": pose.surface - rest.points})
     fields: dict[str, float] = {}
     if measured[0]:

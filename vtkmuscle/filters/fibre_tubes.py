@@ -59,7 +59,7 @@ class FibreTubes(Filter):
         # Points are not shared: VTK blends the tubes of lines with common points.
         data, double = fibres.moved(fibres.points), {"OutputPointsPrecision": vtkAlgorithm.DOUBLE_PRECISION}
         sizes = {"Radius": self.radius, "NumberOfSides": self.sides, "Capping": True}
-        result: vtkPolyData = output_of(vtkTubeFilter(), InputData=data, **sizes, **double)
+        result = output_of(vtkTubeFilter(), InputData=data, **sizes, **double)
         if result.GetNumberOfPoints() == 0:
             raise InputError("fibres", "all lengths are 0, so there are no tubes")
         return result

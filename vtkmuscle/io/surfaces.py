@@ -56,14 +56,12 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
     _check_cells(data, path)
     if suffix == ".ply":
         _check_words(data, path)
-    result: vtkPolyData = with_points(data, points_of(data))
-    return result
+    return with_points(data, points_of(data))
 
 
 def read_own_polydata(path: Path) -> vtkPolyData:
     """Read a complete .vtp of ``write_polydata`` unchecked: a tenth of the time of :func:`read_polydata`."""
-    data: vtkPolyData = output_of(vtkXMLPolyDataReader(), FileName=str(path))
-    return data
+    return output_of(vtkXMLPolyDataReader(), FileName=str(path))
 
 
 def read_surface(path: str | PathLike[str]) -> vtkPolyData:

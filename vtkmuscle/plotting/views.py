@@ -14,7 +14,7 @@ from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkTriangleFilter, vtkT
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.mesh.surface import box_of, diagonal, survey
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import blocks_of, points_of, polylines_from, polylines_of, triangles_of
+from vtkmuscle.data.arrays import blocks_of, output_of, points_of, polylines_from, polylines_of, triangles_of
 
 #: Approximate number of triangles of all bones: a picture has fewer pixels per bone than triangles beyond.
 TRIANGLES = 100_000
@@ -199,9 +199,8 @@ def framed(direction: ArrayLike, points: Floats, *, margin: float = 0.12) -> Vie
 def fibre_surface(fibres: vtkPolyData) -> vtkPolyData:
     """Return fibres as tubes, in place of a muscle surface."""
     lines = polylines_from(polylines_of(fibres, "plotting: fibres"))
-    tubes = vtkTubeFilter(radius=0.004 * lines.GetLength(), number_of_sides=6, capping=True, input_data=lines)
-    surface: vtkPolyData = vtkTriangleFilter(input_data=tubes.update().output).update().output
-    return surface
+    sizes = {"Radius": 0.004 * lines.GetLength(), "NumberOfSides": 6, "Capping": True}
+    return output_of(vtkTriangleFilter(), InputData=output_of(vtkTubeFilter(), InputData=lines, **sizes))
 
 
 def merged(surfaces: Iterable[vtkPolyData]) -> vtkPolyData:

@@ -106,8 +106,7 @@ def repaired_surface(surface: vtkPolyData) -> tuple[vtkPolyData, str]:
 
 def turned_over(surface: vtkPolyData) -> vtkPolyData:
     """Return a surface with reversed triangles."""
-    result: vtkPolyData = output_of(vtkReverseSense(), InputData=surface)
-    return result
+    return output_of(vtkReverseSense(), InputData=surface)
 
 
 def _check_area(area: AttachmentArea, surface: vtkPolyData, units: str) -> None:

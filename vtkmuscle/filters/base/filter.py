@@ -72,7 +72,6 @@ class Filter(Runnable, Algorithm):
         if data:
             name = type(self).__name__
             raise TypeError(f"{name} takes parameters by name; {name}()(data) runs it on data")
-        self._producers: list[Any] = []
         super().__init__()
         self._check_names(settings, TypeError)
         declared, owner = self.parameter_declarations, type(self).__name__
