@@ -55,8 +55,8 @@ def vtk_collector() -> type[vtkGarbageCollector] | None:
     return vtkGarbageCollector if threading.current_thread() is threading.main_thread() else None
 
 
-def input_at(algorithm: Any, port: int, time: float | None) -> Any:
-    """Return an input's data at a time, computed if missing; None on failure."""
+def input_at(algorithm: Any, port: int, time: float) -> Any:
+    """Return an input's data at a time, computed if missing; RuntimeError on failure."""
     if (collector := vtk_collector()) is not None:
         collector.Collect()  # leftovers of the time before
     connection = algorithm.GetInputConnection(port, 0)
@@ -65,8 +65,10 @@ def input_at(algorithm: Any, port: int, time: float | None) -> Any:
     done = producer.Update(index)
     data = producer.GetOutputDataObject(index)
     # VTK before 9.3 returns None here rather than a success flag.
-    failed = done is not None and not done
-    return None if failed or not data.GetNumberOfElements(vtkDataObject.POINT) else data
+    if (done is not None and not done) or not data.GetNumberOfElements(vtkDataObject.POINT):
+        what = f"the {algorithm.input_ports[port].name} at time {time:g} could not be computed"
+        raise RuntimeError(f"{type(algorithm).__name__}: {what}")
+    return data
 
 
 def state_of_inputs(algorithm: Any, ports: Iterable[int]) -> list[int]:

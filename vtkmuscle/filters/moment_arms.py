@@ -109,8 +109,7 @@ class MomentArms(Filter):
         state = state_of_inputs(self, (0,)), self._steps
         lengths = None if of_paths else self.once("lengths", state, self._lengths_over_time)
         now = float(motion.times[-1]) if self.request_time is None else self.request_time
-        again = input_at(self, 0, now) if self._steps else None
-        lines = fibres if again is None else polylines_of(again, "fibres")
+        lines = polylines_of(input_at(self, 0, now), "fibres") if self._steps else fibres
         result = lines.moved(lines.points)
         now = float(np.clip(now, motion.times.min(), motion.times.max()))
         names = known_coordinates(motion)
@@ -135,10 +134,7 @@ class MomentArms(Filter):
         rows: list[Floats] = []
         for number, time in enumerate(steps):
             self.report_progress(number / len(steps))
-            data = input_at(self, 0, time)
-            if data is None:
-                raise RuntimeError(f"MomentArms: the fibres at time {time:g} could not be computed")
-            rows.append(polylines_of(data, f"fibres at time {time:g}").lengths)
+            rows.append(polylines_of(input_at(self, 0, time), f"fibres at time {time:g}").lengths)
             if len(rows[-1]) != len(rows[0]):
                 problem = f"at time {time:g} there are {len(rows[-1])}, at first {len(rows[0])}"
                 raise InputError("fibres", problem, "connect the same fibres at all times")

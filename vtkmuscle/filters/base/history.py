@@ -90,10 +90,7 @@ class HistoryFilter(Filter, Generic[Frame]):
         if argument is None or time is None or not self._steps:
             return argument
         number = self._number_of(port)
-        data = input_at(self, number, time)
-        if data is None:
-            raise RuntimeError(f"{type(self).__name__}: the {port} at time {time:g} could not be computed")
-        return self._argument(number, data)
+        return self._argument(number, input_at(self, number, time))
 
     def report_part(self, part: float) -> None:
         """Report the finished part (0 to 1) of the current frame."""
