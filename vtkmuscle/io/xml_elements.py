@@ -1,7 +1,5 @@
 """XML of other programs: elements with line numbers, without entities."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,7 +27,7 @@ class Element:
     path: Path
     line: int
     attributes: dict[str, str] = field(default_factory=dict)
-    children: list[Element] = field(default_factory=list)
+    children: list["Element"] = field(default_factory=list)
     text: str = ""
 
     @property
@@ -56,14 +54,14 @@ class Element:
             if child.tag not in allowed:
                 raise child.error(f"is not supported in {self.tag} {quoted(self.name)}")
 
-    def find(self, *tags: str) -> Element | None:
+    def find(self, *tags: str) -> "Element | None":
         """Return the only child with a tag, or None."""
         matches = [child for child in self.children if child.tag in tags]
         if len(matches) > 1:
             raise matches[1].error(f"{self.tag} {quoted(self.name)} has two of them", "remove one")
         return matches[0] if matches else None
 
-    def need(self, *tags: str) -> Element:
+    def need(self, *tags: str) -> "Element":
         """Return the child with a tag; raise an InputError if missing."""
         child = self.find(*tags)
         if child is None:
@@ -100,12 +98,12 @@ class Element:
             raise self.need(tag).error(f"holds {quoted(word)}, but must hold true or false")
         return word == "true" if word else default
 
-    def within(self, tag: str) -> list[Element]:
+    def within(self, tag: str) -> list["Element"]:
         """Return the elements in a child; for a set, its objects."""
         child = self.find(tag) or Element(tag, self.path, self.line)
         return child.objects() if tag.endswith("Set") else child.children
 
-    def objects(self) -> list[Element]:
+    def objects(self) -> list["Element"]:
         """Return the elements in a set's ``objects``."""
         self.only(("objects", "groups"))
         return self.within("objects")

@@ -3,8 +3,6 @@
 A field is negative inside, zero on the surface, and nowhere steeper than a distance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -32,12 +30,12 @@ class Solid:
         """Return the field at points: negative inside, at most the distance outside [mm]."""
         return self.field(points)[0]
 
-    def joined(self, other: Solid, blend: float) -> Solid:
+    def joined(self, other: "Solid", blend: float) -> "Solid":
         """Return the union with a solid, the crease filled over ``blend`` [mm]."""
         box = np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper)
         return Solid(lambda x: smooth_minimum(self.field(x), other.field(x), blend), *box)
 
-    def without(self, other: Solid, blend: float, gap: float = 0.0) -> Solid:
+    def without(self, other: "Solid", blend: float, gap: float = 0.0) -> "Solid":
         """Return the solid minus another, grown by ``gap``, with a rim of ``blend`` [mm]."""
 
         def field(points: Floats) -> tuple[Floats, Floats]:
@@ -48,7 +46,7 @@ class Solid:
 
         return Solid(field, self.lower, self.upper)
 
-    def cut_by(self, centre: ArrayLike, normal: ArrayLike, blend: float) -> Solid:
+    def cut_by(self, centre: ArrayLike, normal: ArrayLike, blend: float) -> "Solid":
         """Return the part against a plane's normal, with a rim of ``blend`` [mm]."""
         c, n = _vector(centre), _vector(normal)
         n = n / np.linalg.norm(n)

@@ -1,7 +1,5 @@
 """The data of a run's page: its scene as packed arrays, and curves over the motion."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import math
@@ -78,7 +76,7 @@ POINTS = 1_000_000
 MOST = 12_000
 
 
-def scene_of(run: Result, pack: Pack) -> dict[str, Any]:
+def scene_of(run: "Result", pack: Pack) -> dict[str, Any]:
     """Return the scene of a page, ready for JSON, and add its arrays to the pack."""
     shown = shown_of(len(run.frames))
     scale = MILLIMETRES[run.report["units"]]
@@ -152,7 +150,7 @@ def _thinned(points: Floats, triangles: Ints, target: int) -> tuple[Ints, Ints]:
 
 
 def _fibres(
-    run: Result, name: str, done: list[int], budget: int, scale: float, pack: Pack
+    run: "Result", name: str, done: list[int], budget: int, scale: float, pack: Pack
 ) -> dict[str, Any] | None:
     lengths, fibres = run.fibre_lengths.get(name), run.track(name).fibres
     if lengths is None or not done:
@@ -215,7 +213,7 @@ QUANTITIES = toml_table("vtkmuscle.report", "quantities.toml")
 MEASURES = tuple(Measure(**row) for row in QUANTITIES["measures"])
 
 
-def curves_of(run: Result, pack: Pack) -> dict[str, Any]:
+def curves_of(run: "Result", pack: Pack) -> dict[str, Any]:
     """Return the curves of a page, ready for JSON. Single fibres are added to the pack."""
     time_name, _, unit = run.time_label.partition(" [")
     muscles = [_curves(run, name, colour_of(index), pack) for index, name in enumerate(run.muscle_names)]
@@ -244,7 +242,7 @@ def colour_of(index: int) -> str:
     return PALETTE[index % len(PALETTE)]
 
 
-def _curves(run: Result, name: str, colour: str, pack: Pack) -> dict[str, Any]:
+def _curves(run: "Result", name: str, colour: str, pack: Pack) -> dict[str, Any]:
     checks, frames = {}, run.report["muscles"][name]["frames"]
     for measure in MEASURES:
         values = measure.of(frames)
@@ -304,7 +302,7 @@ def published_curves(curves: Sequence[LiteratureCurve], per_degree: float) -> It
         yield {"colour": colour, "label": curve.label} | rows
 
 
-def _coordinates(run: Result) -> Iterator[dict[str, Any]]:
+def _coordinates(run: "Result") -> Iterator[dict[str, Any]]:
     """Yield the coordinates of moment arms, with values."""
     for name in dict.fromkeys(name for arms in run.all_arms.values() for name in arms):
         own = run.motion.coordinates[name]
@@ -314,7 +312,7 @@ def _coordinates(run: Result) -> Iterator[dict[str, Any]]:
         yield words | {"axis": label_of(name, own.unit), "of": of, "values": values}
 
 
-def _check(run: Result, measure: Measure, limit: tuple[float, float] | None) -> dict[str, Any]:
+def _check(run: "Result", measure: Measure, limit: tuple[float, float] | None) -> dict[str, Any]:
     """Return title, limits and words of a measure."""
     every = [measure.of(run.report["muscles"][name]["frames"]) for name in run.muscle_names]
     values = (together := np.concatenate(every))[~np.isnan(together)]

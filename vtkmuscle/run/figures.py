@@ -1,7 +1,5 @@
 """Pictures: the figures of a run, scenes and results on a plotter, films."""
 
-from __future__ import annotations
-
 import math
 import time
 import warnings
@@ -35,7 +33,7 @@ FORMS = ("png", "pdf", "svg")
 class Drawing:
     """The figures of a run in a folder, drawn by a pool."""
 
-    def __init__(self, folder: Path, pool: Pool | None, bones: DrawnBones) -> None:
+    def __init__(self, folder: Path, pool: "Pool | None", bones: DrawnBones) -> None:
         self._folder, self._pool, self._bones, self._orders = folder, pool, bones, list[FigureOrder]()
         self._jobs: list[Future[float]] = []
 
@@ -83,14 +81,14 @@ def draw_all(
         return [order.write(folder, bones, studio, form, **options) for order in orders]
 
 
-def rest_pose_of(result: Result) -> FigureOrder:
+def rest_pose_of(result: "Result") -> FigureOrder:
     """Return the figure of a result's muscles at rest, with fixed points."""
     at_rest = {name: result.track(name).rest for name in result.muscle_names}
     keywords = {"muscles": at_rest, "title": f"{result.name}: fixed points at rest", "units": result.units}
     return FigureOrder("rest_pose", "plot_rest_pose", keywords, rendered=True)
 
 
-def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
+def figures_of_muscle(result: "Result", name: str) -> list[FigureOrder]:
     """Return the figures of a muscle: frames, lengths and moment arms. Empty for a muscle without frames."""
     if not result.finished(name):
         return []
@@ -111,7 +109,7 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
     return figures
 
 
-def _frames(result: Result, name: str) -> list[MuscleFrame]:
+def _frames(result: "Result", name: str) -> list[MuscleFrame]:
     """Return three finished frames of a muscle. The first, the worst or else the middle, and the last.
 
     The worst counts in the middle two thirds: next to an end it would show the same twice.
@@ -131,7 +129,7 @@ def _frames(result: Result, name: str) -> list[MuscleFrame]:
     return frames
 
 
-def _at(result: Result, name: str, frame: int) -> str:
+def _at(result: "Result", name: str, frame: int) -> str:
     """Return a frame's time or coordinates: ``time 3``, ``hip flexion 30°``."""
     parts = []
     for label, values in _axis_values(result, name).items():
@@ -146,7 +144,7 @@ def _rounded(values: Floats, frame: int) -> str:
     return f"{round(float(values[frame]), max(0, 2 - math.ceil(math.log10(span)))) + 0.0:g}"
 
 
-def _axis_values(result: Result, name: str) -> dict[str, Floats]:
+def _axis_values(result: "Result", name: str) -> dict[str, Floats]:
     """Return the times by label. Up to three coordinates of a muscle, if the time is no coordinate."""
     crossed, every = result.crosses.get(name), result.motion.coordinates
     names = [key for key in every if np.ptp(every[key].values) > 0.0 and (crossed is None or key in crossed)]
@@ -155,7 +153,7 @@ def _axis_values(result: Result, name: str) -> dict[str, Floats]:
     return {label_of(key, every[key].unit): every[key].values for key in names}
 
 
-def _time_axis(result: Result, name: str, count: int) -> dict[str, Any]:
+def _time_axis(result: "Result", name: str, count: int) -> dict[str, Any]:
     """Return the label of a time axis, and seven ticks with the values of several coordinates."""
     frames, shown = result.frames[:count], _axis_values(result, name)
     if result.time_label in shown:
@@ -193,7 +191,7 @@ class ResultDisplay:
     :class:`~vtkmuscle.plotting.plotters.MovingScene`.
     """
 
-    def __init__(self, result: Result, muscles: str | Sequence[str] | None = None, **options: Any) -> None:
+    def __init__(self, result: "Result", muscles: str | Sequence[str] | None = None, **options: Any) -> None:
         from vtkmuscle.plotting.plotters import MovingScene  # noqa: PLC0415 -- only pictures need it
 
         self._result = result

@@ -1,7 +1,5 @@
 """Declared parameters: validation, change detection, pickling and documentation."""
 
-from __future__ import annotations
-
 import math
 import numbers
 from collections.abc import Mapping
@@ -74,18 +72,18 @@ class Parameter(Declaration, Generic[T]):
     listed: str | None = None
 
     @overload
-    def __get__(self, instance: None, owner: type) -> Parameter[T]: ...
+    def __get__(self, instance: None, owner: type) -> "Parameter[T]": ...
 
     @overload
-    def __get__(self, instance: Filter, owner: type) -> T: ...
+    def __get__(self, instance: "Filter", owner: type) -> T: ...
 
-    def __get__(self, instance: Filter | None, owner: type) -> T | Parameter[T]:
+    def __get__(self, instance: "Filter | None", owner: type) -> "T | Parameter[T]":
         if instance is None:
             return self
         value: T = instance._parameter_values[self.name]
         return value
 
-    def __set__(self, instance: Filter, value: T) -> None:
+    def __set__(self, instance: "Filter", value: T) -> None:
         checked = self.check(value, type(instance).__name__)
         values = instance._parameter_values
         old = values[self.name]
@@ -112,7 +110,7 @@ class Parameter(Declaration, Generic[T]):
         other, *values = self.only_with
         return f" Counts only with {other} {' or '.join(map(repr, values))}."
 
-    def check_references(self, declarations: Mapping[str, Parameter[Any]], owner: str) -> None:
+    def check_references(self, declarations: Mapping[str, "Parameter[Any]"], owner: str) -> None:
         """Check the parameters and values in `only_with` and `sets`."""
         named = [(self.only_with[0], value) for value in self.only_with[1:]]
         named += [item for group in self.sets.values() for item in group.items()]

@@ -1,7 +1,5 @@
 """Declared ports: attributes, keywords, checks of connections, documentation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass
 from functools import partial
@@ -29,10 +27,10 @@ if TYPE_CHECKING:
 class Port(Declaration):
     """Base of ports; the kind is a VTK class."""
 
-    def __get__(self, instance: Filter | None, owner: type) -> Any:
+    def __get__(self, instance: "Filter | None", owner: type) -> Any:
         return self if instance is None else self.read(instance)
 
-    def read(self, instance: Filter) -> Any:
+    def read(self, instance: "Filter") -> Any:
         """Return the value of the attribute."""
         raise NotImplementedError
 
@@ -60,13 +58,13 @@ class OutputPort(Port):
     3
     """
 
-    def read(self, instance: Filter) -> Any:
+    def read(self, instance: "Filter") -> Any:
         """Return the data, brought up to date."""
         number = instance.output_ports.index(self)
         instance.update(port=number)
         return instance.GetOutputDataObject(number)
 
-    def __set__(self, instance: Filter, value: Any) -> None:
+    def __set__(self, instance: "Filter", value: Any) -> None:
         raise AttributeError(f"{type(instance).__name__}.{self.name} is an output, which cannot be set")
 
 
@@ -117,7 +115,7 @@ class InputPort(Port):
         """Return the argument of ``execute``; ValueError for unusable data."""
         return data if data is None or self.taken is None else self.taken(data, self.name)
 
-    def read(self, instance: Filter) -> Any:
+    def read(self, instance: "Filter") -> Any:
         """Return the connected data set or algorithm, None for an open port."""
         number = instance.input_ports.index(self)
         if not instance.GetNumberOfInputConnections(number):
@@ -130,7 +128,7 @@ class InputPort(Port):
             return producer.data
         return producer if producer.GetNumberOfOutputPorts() == 1 else connection
 
-    def __set__(self, instance: Filter, value: Any) -> None:
+    def __set__(self, instance: "Filter", value: Any) -> None:
         instance.connect(self.name, value)
 
     def checked(self, value: Any, where: str) -> tuple[Any, int] | None:
