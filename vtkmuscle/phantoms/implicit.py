@@ -92,13 +92,7 @@ def rod(start: ArrayLike, end: ArrayLike, radius: float, *, rim: float = 1.0) ->
     """Return a cylinder with flat ends, edges rounded over ``rim`` [mm]."""
     a, b = _vector(start), _vector(end)
     axis = (b - a) / np.linalg.norm(b - a)
-
-    def field(points: Floats) -> tuple[Floats, Floats]:
-        away = points - a
-        return _distance(away - (away @ axis)[:, None] * axis, radius)
-
-    whole = Solid(field, np.minimum(a, b) - radius, np.maximum(a, b) + radius)
-    return whole.cut_by(a, -axis, rim).cut_by(b, axis, rim)
+    return thick_curve([a, b], [radius, radius]).cut_by(a, -axis, rim).cut_by(b, axis, rim)
 
 
 def thick_curve(knots: ArrayLike, radii: ArrayLike, *, spacing: float = 3.0) -> Solid:
