@@ -77,8 +77,6 @@ class LinearBlendFibres(Filter):
     def execute(self, rest_fibres: Polylines, bones: MovingBones) -> vtkPolyData:
         """Return the fibres now."""
         points, offsets = rest_fibres.points, rest_fibres.offsets
-        if not bones.surfaces:
-            raise InputError("bones", "the data set has no bones", "give at least one named bone")
         ends = ("origin", self.origin, 0), ("insertion", self.insertion, -1)
         first, last = (bones.transforms[self._index(list(bones.surfaces), *end)] for end in ends)
         result = rest_fibres.moved(blend_fibres(points, offsets, first, last, self.a))

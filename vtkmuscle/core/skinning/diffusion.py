@@ -3,15 +3,12 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from vtkmuscle.core.jit import vector_kernel
 from vtkmuscle.core.mesh.normals import triangle_normals
-from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
+from vtkmuscle.core.types import ROUNDING, Bools, Floats, Indices, Ints
 
-#: Without a sign: a negative index would count from the end, which each look-up would have to ask.
-_Numbers = NDArray[np.uint32]
 #: Time that a plain explicit step takes, in units: one that leaves nothing of the shortest wave. Without the
 #: step an adductor brevis has up to 3 folded edges, with it none.
 PLAIN = 0.5
@@ -102,8 +99,8 @@ class Diffusion:
 
 @vector_kernel
 def _relax(
-    v: Floats, first: Floats, second: Floats, a: float, b: float, step: float, begins: _Numbers,
-    neighbours: _Numbers, weights: Floats, totals: Floats, inside: Bools, result: Floats,
+    v: Floats, first: Floats, second: Floats, a: float, b: float, step: float, begins: Indices,
+    neighbours: Indices, weights: Floats, totals: Floats, inside: Bools, result: Floats,
 ) -> None:  # fmt: skip
     """Write a stage of the diffusion inside, v elsewhere.
 
