@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from typing import Any, TypeGuard
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
@@ -44,7 +43,7 @@ class AttachmentArea:
 
     role: str
     bone: str
-    landmarks: NDArray[np.float64]
+    landmarks: Floats
     closed: bool
     estimated: bool = False
     confidence: float | None = None
@@ -140,7 +139,7 @@ def rings_by_bone(
     return tuple((names.index(area.bone), via_ring(area.landmarks)) for area in areas)
 
 
-def landmarks_of(data: vtkPolyData, where: str) -> tuple[NDArray[np.float64], bool]:
+def landmarks_of(data: vtkPolyData, where: str) -> tuple[Floats, bool]:
     """Return an area's landmarks, and if they form a ring. ValueError if not finite, or several lines."""
     points = arrays.points_of(data)
     if not np.isfinite(points).all():

@@ -157,7 +157,7 @@ class Neighbours:
         return neighbours
 
 
-def outward_tree(points: Floats, triangles: NDArray[np.int64]) -> TriangleTree:
+def outward_tree(points: Floats, triangles: Ints) -> TriangleTree:
     """Return the hierarchy of a closed surface with outward triangles."""
     if surfaces.signed_volume(points, triangles) < 0.0:
         triangles = np.ascontiguousarray(triangles[:, ::-1])

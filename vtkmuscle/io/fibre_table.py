@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import field_array
 from vtkmuscle.io.csv_table import write_rows
 
@@ -17,7 +17,7 @@ from vtkmuscle.io.csv_table import write_rows
 _WHOLE = ("MuscleVolume", "PCSA", "PCSALine")
 
 
-def fibre_columns(fibres: vtkPolyData) -> dict[str, NDArray[np.float64]]:
+def fibre_columns(fibres: vtkPolyData) -> dict[str, Floats]:
     """Return the scalar cell arrays (n_fibres,) by name, sorted."""
     arrays = map(fibres.GetCellData().GetArray, range(fibres.GetCellData().GetNumberOfArrays()))
     scalars = {each.GetName(): each for each in arrays if each and each.GetNumberOfComponents() == 1}
@@ -61,7 +61,7 @@ def muscle_summary(fibres: vtkPolyData) -> dict[str, Any]:
     return summary
 
 
-def spread(values: NDArray[np.float64]) -> dict[str, float]:
+def spread(values: Floats) -> dict[str, float]:
     """Return ``mean``, ``sd`` (of the population), ``min`` and ``max`` of values."""
     measures = {"mean": values.mean(), "sd": values.std(), "min": values.min(), "max": values.max()}
     return {name: float(value) for name, value in measures.items()}

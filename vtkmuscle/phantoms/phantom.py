@@ -4,18 +4,17 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import multiblock_from, surface_from
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from
 
 #: A number, a function, or values by name.
-Answer = float | Callable[..., float] | Mapping[str, NDArray[np.float64]]
+Answer = float | Callable[..., float] | Mapping[str, Floats]
 #: Points (n, 3) [mm] and triangles (m, 3).
-Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
+Surface = tuple[Floats, Ints]
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,7 +33,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import LANES, kernel, lane, vector_kernel
 from vtkmuscle.core.mesh.harmonic import harmonic_field, triangle_gradients
@@ -42,7 +41,7 @@ from vtkmuscle.core.mesh.polylines import proper_segments, segment_distances
 from vtkmuscle.core.mesh.rest_shape import edge_geometry
 from vtkmuscle.core.mesh.surface import MeshTopology
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
-from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
+from vtkmuscle.core.types import ROUNDING, Bools, Floats, Indices, Ints
 
 #: Numbers of an edge that do not change: inverse masses of its four points, stiffness and rest length,
 #: stiffness of its angle, and the cosine and sine of its rest angle; the place of the rest length.
@@ -65,7 +64,7 @@ class EdgeRows(NamedTuple):
     order : (k,) int, numbers of the edges in this order.
     """
 
-    points: NDArray[np.uint32]
+    points: Indices
     constants: Floats
     order: Ints
 
@@ -94,7 +93,7 @@ def edge_rows(
     return EdgeRows(np.ascontiguousarray(points, dtype=np.uint32), np.ascontiguousarray(constants), order)
 
 
-def rows_of_edges(points_of_edges: Ints, n_points: int) -> NDArray[np.int64]:
+def rows_of_edges(points_of_edges: Ints, n_points: int) -> Ints:
     """Return the numbers of edges in rows.
 
     Rows are (r, LANES), -1 in unused places. Edges of a row share none of their points (k, 4), the ends of
@@ -129,7 +128,7 @@ def _first_fit(points_of_edges: Ints, taken: Bools, colours: Ints) -> None:
 
 
 @vector_kernel
-def take_lengths(p: Floats, points: NDArray[np.uint32], constants: Floats) -> None:
+def take_lengths(p: Floats, points: Indices, constants: Floats) -> None:
     """Write the edges' lengths at positions p (n + 1, 3) as rest lengths; arrays as of :class:`EdgeRows`."""
     for row in range(len(points)):
         for k in range(LANES):
@@ -141,7 +140,7 @@ def take_lengths(p: Floats, points: NDArray[np.uint32], constants: Floats) -> No
 
 @vector_kernel
 def project_edges(
-    p: Floats, points: NDArray[np.uint32], constants: Floats, with_lengths: bool, with_angles: bool,
+    p: Floats, points: Indices, constants: Floats, with_lengths: bool, with_angles: bool,
     signed: bool, buffer: Floats,
 ) -> None:  # fmt: skip
     """Project the lengths and angles of all edges.
