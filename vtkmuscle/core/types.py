@@ -21,6 +21,8 @@ ROUNDING = 1e-9
 #: Part of a size between the rounding of a number and :data:`ROUNDING`: a grid of positions that rounding
 #: does not tell apart, and what keeps equations of flat sets of points from being singular.
 GRAIN = 1e-12
+#: Least positive number with all digits: added to a divisor it keeps a division by nothing finite.
+TINY = float(np.finfo(np.float64).tiny)
 #: Rounds of a loop that ends by itself, at most: 5 to 10 are common.
 MOST_ROUNDS = 30
 

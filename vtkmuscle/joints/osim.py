@@ -27,6 +27,7 @@ AXES = tuple(kind + number for kind in ("rotation", "translation") for number in
 NOT_USED, FURTHER = _ELEMENTS["not_used"], _ELEMENTS["further"]
 #: Accepted length units; a file may leave the unit empty.
 _METRES = ("meters", "metres", "m", "")
+#: Body that never moves: that of all without a joint.
 GROUND = "ground"
 #: Kind of a frame that is fixed to another.
 OFFSET = "PhysicalOffsetFrame"

@@ -10,14 +10,12 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import perpendiculars
-from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.core.types import TINY, Bools, Floats, Ints
 from vtkmuscle.joints.functions import CoordinateFunction
 from vtkmuscle.joints.tree import HALF_STEP, KinematicTree
 
 #: Margin of a conditional point's range [rad, or units of length], as in OpenSim.
 RANGE_MARGIN = 1e-5
-#: Smallest divisor: a length below all others.
-TINY = np.finfo(float).tiny
 #: Columns (f,) or poses (f, 4, 4) by name; values of coordinates.
 Columns = Mapping[str, Floats]
 Values = Mapping[str, ArrayLike]

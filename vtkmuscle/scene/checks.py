@@ -12,7 +12,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.solids import closed_shells
 from vtkmuscle.core.mesh.surface import MOST_REPAIRED, box_of, signed_volume, survey
 from vtkmuscle.core.paths.via_rings import passes_through, via_ring
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import TINY, Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, output_of, points_of, surface_from
 from vtkmuscle.data.attachments import VIA, AttachmentArea
 from vtkmuscle.data.paths import checked_superficial
@@ -95,7 +95,7 @@ def repaired_surface(surface: vtkPolyData) -> tuple[vtkPolyData, str]:
     before, closed = survey(points, triangles), closed_shells(points, triangles)
     volumes = np.array([abs(signed_volume(closed.points, shell)) for shell in closed.shells])
     added = survey(closed.points, np.concatenate(closed.shells)).area / before.area - 1.0
-    lost = 1.0 - volumes.max() / max(volumes.sum(), np.finfo(float).tiny)
+    lost = 1.0 - volumes.max() / max(volumes.sum(), TINY)
     for fault, share in (("large_holes", added), ("large_parts", lost)):
         if share > MOST_REPAIRED:
             raise InputError("", *words_of(fault, share=share, most=MOST_REPAIRED))

@@ -18,7 +18,7 @@ from vtkmuscle.io import motion_columns, read_motion_table
 from vtkmuscle.io.motion_table import MOST_FRAMES
 from vtkmuscle.joints import grid_of, steps_of
 from vtkmuscle.joints.functions import IDENTITY, CoordinateFunction, CubicSpline, Polynomial
-from vtkmuscle.joints.osim import read_motion_file, read_tree
+from vtkmuscle.joints.osim import GROUND, read_motion_file, read_tree
 from vtkmuscle.joints.tree import HALF_STEP, Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.scene import schema
 from vtkmuscle.scene.data import Faults, SceneData, SceneError, SceneFiles, scene_errors_at
@@ -78,10 +78,6 @@ def _of_several(
     moving = {bone: poses for motion in motions for bone, poses in motion.transforms.items()}
     centre = {bone: motion.centre_of(bone) for motion in motions for bone in motion.transforms}
     return RigidMotion(motions[0].times, moving, centre if centres else None, coordinates)
-
-
-#: Body of bones without a joint.
-GROUND = "ground"
 
 
 @dataclass(frozen=True, eq=False)

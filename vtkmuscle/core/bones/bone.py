@@ -15,7 +15,7 @@ from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import FAR, LEAST_PIECE, Solids, closed_shells, solids_from, solids_of
 from vtkmuscle.core.mesh.surface import box_of
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
-from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.core.types import TINY, Bools, Floats, Ints
 
 #: Cells of the field along the diagonal of a bone's box along its axes: 1.3 mm on a pelvis, 1.5 on a femur.
 #: With twice as many mean moment arms of two muscles of a hip change by up to 0.6 mm, lengths by 0.13 mm.
@@ -171,7 +171,7 @@ class Bone:
         field.lacking[:2] = 0
         positions = field.cell * (np.transpose(np.unravel_index(numbers, shape)) + field.low)
         distances = self.solids.distances(apply_transform(self.from_axes, positions))
-        flat[numbers] = np.where(distances == 0.0, np.finfo(np.float64).tiny, distances)  # 0 is unknown
+        flat[numbers] = np.where(distances == 0.0, TINY, distances)  # 0 is unknown
         return True
 
     def _nothing(self, reach: float) -> tuple[float, Field]:

@@ -17,7 +17,7 @@ from vtkmuscle.core.mesh.polylines import curve_segments, nearest_arcs
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree, tree_of_deformed
 from vtkmuscle.core.skinning.skinning import falling_weights
-from vtkmuscle.core.types import GRAIN, ROUNDING, SAME, Bools, Floats, Ints, Progress, quiet
+from vtkmuscle.core.types import GRAIN, ROUNDING, SAME, TINY, Bools, Floats, Ints, Progress, quiet
 
 #: Points whose weights are computed at once: a step of progress, and the time until an abort.
 _BLOCK = 128
@@ -246,7 +246,7 @@ def _reproduce_points(weights: csr_array, means: Floats, sizes: Ints, queries: F
     # Term by term: an array of all products at once would not stay in the processor's cache.
     matrices = np.array([[summed(a * b) for a in counts * terms] for b in terms])
     matrices = matrices.transpose(2, 0, 1)
-    scales = np.sqrt(np.maximum(np.diagonal(matrices, axis1=1, axis2=2), np.finfo(float).tiny))
+    scales = np.sqrt(np.maximum(np.diagonal(matrices, axis1=1, axis2=2), TINY))
     # Means may lie in one plane. With 1e-9 lengths of fibres in an arm change by up to 0.03 mm.
     matrices = matrices / (scales[:, :, None] * scales[:, None]) + GRAIN * np.eye(4)
     target = np.array([1.0, 0.0, 0.0, 0.0])
@@ -301,7 +301,7 @@ class _EndNeighbours:
     def __init__(self, ends: Floats, paths: Floats) -> None:
         nodes, n = paths.reshape(-1, 3), paths.shape[1]
         apart, nearest_nodes = cKDTree(nodes).query(ends, range(1, min(NEIGHBOURS, len(nodes)) + 1))
-        self._paths, self._weights = nearest_nodes // n, falling_weights(apart, np.finfo(float).tiny)
+        self._paths, self._weights = nearest_nodes // n, falling_weights(apart, TINY)
         self._arcs = nearest_arcs(paths[self._paths], ends[:, None])[0]
         feet, self._ahead = self._along(paths)
         self._offsets = ends[:, None] - feet

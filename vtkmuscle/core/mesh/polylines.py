@@ -4,16 +4,13 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import angles_between, unit_vectors
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import TINY, Floats, Ints
 
 
 def polyline_lengths(points: Floats, offsets: Ints) -> Floats:
     """Return the length of each polyline, (k,). In the unit of the points."""
     return np.add.reduceat(segment_lengths(points, offsets)[0], offsets[:-1])
 
-
-#: What is no length at all is divided by this instead.
-_TINY = np.finfo(float).tiny
 
 #: Cosine of the least turn of a corner, 30 degrees; smaller turns belong to a curve. With 15 and 60 degrees
 #: mean pennations of four muscles of a hip and a knee change by at most 1.1 and 0.5 degrees.
@@ -86,8 +83,8 @@ def evenly_spread(points: Floats, offsets: Ints, count: int) -> Floats:
     before, after = lengths[:, None], np.append(lengths[1:], 0.0)[:, None]
     onward = np.diff(points, axis=0, append=0.0)
     onward[lasts] = 0.0
-    onward /= np.maximum(after, _TINY)
-    slopes = (after * np.roll(onward, 1, axis=0) + before * onward) / np.maximum(before + after, _TINY)
+    onward /= np.maximum(after, TINY)
+    slopes = (after * np.roll(onward, 1, axis=0) + before * onward) / np.maximum(before + after, TINY)
     slopes[lasts] = onward[lasts - 1]
     slopes[firsts] = 2.0 * onward[firsts] - slopes[np.minimum(firsts + 1, last)]
     slopes[lasts] = 2.0 * onward[lasts - 1] - slopes[lasts - 1]
@@ -95,7 +92,7 @@ def evenly_spread(points: Floats, offsets: Ints, count: int) -> Floats:
     def curve(places: Floats) -> Floats:
         i = np.searchsorted(along, places, side="right").clip(firsts[:, None] + 1, lasts[:, None])
         step, i = lengths[i][..., None], np.maximum(i - 1, firsts[:, None])
-        part = ((places - along[i])[..., None] / np.maximum(step, _TINY)).clip(0.0, 1.0)
+        part = ((places - along[i])[..., None] / np.maximum(step, TINY)).clip(0.0, 1.0)
         bend = (1.0 - part) * slopes[i] - part * slopes[np.minimum(i + 1, last)]
         ahead = part * (3.0 - 2.0 * part) * onward[i] + (1.0 - part) * bend
         return np.asarray(points[i] + step * part * ahead)

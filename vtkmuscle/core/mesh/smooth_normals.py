@@ -5,14 +5,12 @@ import math
 import numpy as np
 
 from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.types import SAME, Floats, Ints
+from vtkmuscle.core.types import SAME, TINY, Floats, Ints
 
 #: Cosines of turns between triangles that meet in a crease, 45 and 75 degrees. From the first to the second
 #: the weight of a neighbour falls to 0, so a normal does not jump as a body bends. With 22 or 90 degrees mean
 #: pennations of four muscles of a hip and a knee change by at most 0.3 and 0.7 degrees.
 _TOGETHER, _APART = math.cos(math.radians(45.0)), math.cos(math.radians(75.0))
-#: Keeps a division by nothing finite.
-_TINY = float(np.finfo(np.float64).tiny)
 
 
 @array_kernel
@@ -70,7 +68,7 @@ def _normal(a: Floats, b: Floats, c: Floats) -> tuple[float, float, float, float
     u0, u1, u2, v0, v1, v2 = b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2]
     x, y, z = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
     size = math.sqrt(x * x + y * y + z * z)
-    part = 1.0 / max(size, _TINY)
+    part = 1.0 / max(size, TINY)
     return part * x, part * y, part * z, size
 
 
@@ -95,7 +93,7 @@ def _smooth_normal(
             d, e, f, size = _normal(points[other[0]], points[other[1]], points[other[2]])
             part = size * min(max((d * p + e * q + f * r - _APART) / (_TOGETHER - _APART), 0.0), 1.0)
             u, v, w = u + part * d, v + part * e, w + part * f
-        part = _share(points, triangle, c, at) / math.sqrt(max(u * u + v * v + w * w, _TINY))
+        part = _share(points, triangle, c, at) / math.sqrt(max(u * u + v * v + w * w, TINY))
         x, y, z = x + part * u, y + part * v, z + part * w
-    part = 1.0 / math.sqrt(max(x * x + y * y + z * z, _TINY))
+    part = 1.0 / math.sqrt(max(x * x + y * y + z * z, TINY))
     return part * x, part * y, part * z

@@ -5,10 +5,7 @@ import math
 import numpy as np
 
 from vtkmuscle.core.jit import LANES, kernel, lane, vector_kernel
-from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
-
-#: Keeps a division by nothing finite.
-_TINY = float(np.finfo(np.float64).tiny)
+from vtkmuscle.core.types import ROUNDING, TINY, Bools, Floats, Ints
 
 
 @kernel
@@ -165,7 +162,7 @@ def _square(corners: Floats, x: float, y: float, z: float, k: int) -> float:
     nn, height = nx * nx + ny * ny + nz * nz, px * nx + py * ny + pz * nz
     by_u, by_v = vv * pu - uv * pv, uu * pv - uv * pu
     above = (by_u > 0.0) & (by_v > 0.0) & (by_u + by_v < nn) & (nn > ROUNDING * ROUNDING * uu * vv)
-    return height * height / (nn + _TINY) if above else to_edges
+    return height * height / (nn + TINY) if above else to_edges
 
 
 @lane
@@ -173,7 +170,7 @@ def _square_from(
     x: float, y: float, z: float, u: float, v: float, w: float, square: float, along: float
 ) -> float:
     """Return the squared distance from an edge (u, v, w), of a position from the edge's start."""
-    part = min(max(along / (square + _TINY), 0.0), 1.0)
+    part = min(max(along / (square + TINY), 0.0), 1.0)
     x, y, z = x - part * u, y - part * v, z - part * w
     return x * x + y * y + z * z
 

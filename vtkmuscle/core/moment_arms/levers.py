@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.motion.blending import screws
 from vtkmuscle.core.motion.rigid import SIX_DIGITS, RigidMotion, inverses
-from vtkmuscle.core.types import SAME, Bools, Floats, Ints
+from vtkmuscle.core.types import SAME, TINY, Bools, Floats, Ints
 
 
 class Differences(NamedTuple):
@@ -74,7 +74,7 @@ def differences_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) ->
 def _numbered(values: Floats) -> Ints:
     """Return the rank of each value among the different values."""
     order = np.argsort(values, kind="stable")
-    apart = np.diff(values[order]) > SAME * max(float(np.ptp(values)), np.finfo(float).tiny)
+    apart = np.diff(values[order]) > SAME * max(float(np.ptp(values)), TINY)
     numbers = np.empty(len(values), dtype=np.int64)
     numbers[order] = np.concatenate([[0], np.cumsum(apart)])
     return numbers
@@ -258,7 +258,7 @@ def _moves(motion: RigidMotion) -> Iterator[tuple[Floats, Floats]]:
         centre, rotations = motion.centre_of(bone), Rotation.from_matrix(table[:, :3, :3].copy())
         shifted = np.diff(table[:, :3, :3] @ centre + table[:, :3, 3], axis=0)
         size = np.abs(centre).max() + np.abs(table[:, :3, 3]).max()
-        yield (rotations[1:] * rotations[:-1].inv()).as_rotvec(), shifted / max(size, np.finfo(float).tiny)
+        yield (rotations[1:] * rotations[:-1].inv()).as_rotvec(), shifted / max(size, TINY)
 
 
 def largest_turns(motion: RigidMotion) -> Floats:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.types import ROUNDING, SAME, FloatMap, Floats, Ints
+from vtkmuscle.core.types import ROUNDING, SAME, TINY, FloatMap, Floats, Ints
 
 #: Candidate starts of a loop, and the least number of its segments. With 64 mean lengths of fibres in ten
 #: muscles of a hip and a knee differ by at most 3.2 mm.
@@ -127,7 +127,7 @@ def points_at(loop: Floats, lengths: Floats, arcs: Floats) -> Floats:
 def nearest_arc(loop: Floats, lengths: Floats, target: Floats) -> float:
     """Return the arc length nearest to a point (k,). Loop (n, k)."""
     steps = np.roll(loop, -1, axis=0) - loop
-    squares = np.maximum((steps**2).sum(axis=1), np.finfo(float).tiny)
+    squares = np.maximum((steps**2).sum(axis=1), TINY)
     shares = (((target - loop) * steps).sum(axis=1) / squares).clip(0.0, 1.0)
     nearest = ((loop + shares[:, None] * steps - target) ** 2).sum(axis=1).argmin()
     return float(lengths[nearest] + shares[nearest] * (lengths[nearest + 1] - lengths[nearest]))

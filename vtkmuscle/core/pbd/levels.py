@@ -13,7 +13,7 @@ from vtkmuscle.core.motion.blending import nearest_rotations
 from vtkmuscle.core.pbd.solver import PBDSolver, State
 from vtkmuscle.core.skinning.diffusion import cotangent_weights
 from vtkmuscle.core.skinning.skinning import falling_weights
-from vtkmuscle.core.types import Floats, Ints, Progress, quiet
+from vtkmuscle.core.types import TINY, Floats, Ints, Progress, quiet
 
 #: Coarse points that take a fine point along. With eight, an iliacus solved with an iteration has 16 folded
 #: edges, and an adductor brevis one of eight times its length; with sixteen 8, and 4 times.
@@ -56,7 +56,7 @@ class TwoLevels:
         rest, coarse, topology = fine.shape.points, solver.shape.points, solver.shape.topology
         self._coarse = coarse
         apart, carriers = cKDTree(coarse).query(rest, k=range(1, min(CARRIERS, len(coarse)) + 1))
-        self._carriers, self._parts = carriers, falling_weights(apart, np.finfo(float).tiny)
+        self._carriers, self._parts = carriers, falling_weights(apart, TINY)
         ring = cotangent_weights(coarse, topology.triangles) + eye_array(len(coarse))
         rings = csr_array((ring @ ring).astype(np.bool_))
         sizes, near = np.diff(rings.indptr), coarse[rings.indices]

@@ -18,7 +18,7 @@ from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.paths.lines import bones_at_ends
 from vtkmuscle.core.skinning.diffusion import Diffusion
 from vtkmuscle.core.skinning.skinning import SkinnedMuscle, Skinning
-from vtkmuscle.core.types import Bools, Floats, Ints, Progress, quiet
+from vtkmuscle.core.types import TINY, Bools, Floats, Ints, Progress, quiet
 
 #: How far a displacement spreads over the surface, the standard deviation along a line, as a part of the
 #: muscle's mean thickness 2 V / A. Of four muscles of a real hip 0.2 and 0.3 leave one a tenth rougher or
@@ -118,7 +118,7 @@ class Settling:
         if inside.any() and _torn(points, moves, inside, self._edges):
             time = (TOGETHER / SPREAD) ** 2 * self._time
             self._diffusion.spread(moves, time, inside, insulated=True)
-            moves /= np.maximum(np.linalg.norm(moves, axis=1), np.finfo(float).tiny)[:, None]
+            moves /= np.maximum(np.linalg.norm(moves, axis=1), TINY)[:, None]
             for _ in range(MOST_STEPS):  # on along the way, by the distance out of the bone
                 depths = np.linalg.norm(out[inside] - points[inside], axis=1)
                 points[inside] += depths[:, None] * moves[inside]

@@ -7,7 +7,7 @@ from scipy.sparse import csr_array
 
 from vtkmuscle.core.jit import vector_kernel
 from vtkmuscle.core.mesh.normals import triangle_normals
-from vtkmuscle.core.types import ROUNDING, Bools, Floats, Indices, Ints
+from vtkmuscle.core.types import ROUNDING, TINY, Bools, Floats, Indices, Ints
 
 #: Time that a plain explicit step takes, in units: one that leaves nothing of the shortest wave. Without the
 #: step an adductor brevis has up to 3 folded edges, with it none.
@@ -29,7 +29,7 @@ def cotangent_weights(points: Floats, triangles: Ints) -> csr_array:
     onward, before = np.roll(triangles, -1, axis=1), np.roll(triangles, 1, axis=1)
     ahead, back = points[onward] - points[triangles], points[before] - points[triangles]
     dots, sines = (ahead * back).sum(axis=2), np.linalg.norm(np.cross(ahead, back), axis=2)
-    halves = 0.5 * dots / np.maximum(sines, np.maximum(ROUNDING * np.abs(dots), np.finfo(float).tiny))
+    halves = 0.5 * dots / np.maximum(sines, np.maximum(ROUNDING * np.abs(dots), TINY))
     weights = csr_array((halves.ravel(), (onward.ravel(), before.ravel())), shape=(len(points),) * 2)
     weights = csr_array(weights + weights.T)
     weights.data = np.clip(weights.data, *COTANGENT_BOUNDS)

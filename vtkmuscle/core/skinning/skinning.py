@@ -13,7 +13,7 @@ from vtkmuscle.core.mesh.surface import sorted_into_bins
 from vtkmuscle.core.motion.blending import nearest_rotations
 from vtkmuscle.core.paths.neighbours import path_lengths, path_widths
 from vtkmuscle.core.paths.surroundings import directions_along
-from vtkmuscle.core.types import ROUNDING, Floats, Ints
+from vtkmuscle.core.types import ROUNDING, TINY, Floats, Ints
 
 #: Paths that take a point of the surface along, at most: those of the nearest points of paths, of which so
 #: many are looked at. With 12 lengths of single fibres in four muscles of a real hip change by up to 0.8 mm.
@@ -221,7 +221,7 @@ def _place_beside(points: Floats, path: Floats) -> tuple[Floats, Floats]:
     lengths2 = (np.diff(path, axis=0) ** 2).sum(axis=1)
     squared = cdist(points, path, "sqeuclidean")
     ahead = 0.5 * (squared[:, :-1] - squared[:, 1:] + lengths2)
-    part = (ahead / np.maximum(lengths2, np.finfo(float).tiny)).clip(0.0, 1.0)
+    part = (ahead / np.maximum(lengths2, TINY)).clip(0.0, 1.0)
     nearest2 = (squared[:, :-1] - part * (2.0 * ahead - part * lengths2)).min(axis=1)
     weights = np.exp((squared.min(axis=1, keepdims=True) - squared) * (0.5 / lengths2.max()))
     return np.sqrt(nearest2.clip(0.0)), weights @ np.arange(len(path)) / weights.sum(axis=1)
