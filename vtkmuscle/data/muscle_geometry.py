@@ -16,7 +16,7 @@ from vtkmuscle.core.mesh import surface as surfaces
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.sampling import PatchSamples, samples_inside
 from vtkmuscle.core.mesh.shared import shared
-from vtkmuscle.core.mesh.solids import Solids, solids_of
+from vtkmuscle.core.mesh.solids import Solids, open_edges, solids_of
 from vtkmuscle.core.mesh.surface import extent
 from vtkmuscle.core.mesh.triangle_tree import Neighbour, TriangleTree, triangle_tree
 from vtkmuscle.core.morphing.sections import ClosedSurface
@@ -45,8 +45,7 @@ class MuscleGeometry:
     @cached_property
     def n_open_edges(self) -> int:
         """Number of triangles' edges without a counterpart that runs back in another triangle."""
-        turns = np.where(self.triangles < np.roll(self.triangles, -1, axis=1), 1, -1).reshape(-1)
-        return int(np.abs(np.bincount(surfaces.numbered_edges(self.triangles)[1], turns)).sum())
+        return len(open_edges(self.triangles))
 
     @cached_property
     def closed(self) -> ClosedSurface:

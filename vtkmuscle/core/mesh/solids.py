@@ -43,20 +43,20 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
     if not np.isfinite(points[triangles]).all():
         raise InputError("", "the surface has a coordinate that is not finite")
     remarks = []
-    rim = _excess(triangles)
+    rim = open_edges(triangles)
     if len(rim):
         points, triangles = welded(points, triangles)
         first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)[1]
         if len(first) < len(triangles):
             remarks.append(f"{len(triangles) - len(first)} triangles were double and were left out")
             triangles = triangles[np.sort(first)]
-        rim = _excess(triangles)
+        rim = open_edges(triangles)
     if len(rim):
         triangles, n_turned = _consistent(triangles)
         if n_turned:
             turned = f"{n_turned} of {len(triangles)} triangles"
             remarks.append(f"{turned} faced the opposite side and were turned")
-        rim = _excess(triangles)
+        rim = open_edges(triangles)
         if len(rim):
             # Triangles lead from each hole's rim to the rim's centre.
             hole = _loops(rim)
@@ -94,7 +94,7 @@ def _directions(triangles: Ints) -> Ints:
     return np.where(triangles < np.roll(triangles, -1, axis=1), 1, -1).astype(np.int64)
 
 
-def _excess(triangles: Ints) -> Ints:
+def open_edges(triangles: Ints) -> Ints:
     """Return directed edges (k, 2) without an opposite edge."""
     edges, numbers = numbered_edges(triangles)
     balance = np.rint(np.bincount(numbers, weights=_directions(triangles).reshape(-1))).astype(np.int64)

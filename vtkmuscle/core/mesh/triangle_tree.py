@@ -13,7 +13,7 @@ from vtkmuscle.core.jit import LANES, kernel
 from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.shared import digest, shared
 from vtkmuscle.core.mesh.smooth_normals import smooth_normals
-from vtkmuscle.core.mesh.surface import longest_side
+from vtkmuscle.core.mesh.surface import edge_lengths, half_edges, longest_side
 from vtkmuscle.core.mesh.tree_search import find_inside, lower_distances, search_tree
 from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
 
@@ -41,8 +41,7 @@ class TriangleTree:
     @cached_property
     def mean_edge(self) -> float:
         """Mean length of the triangles' edges."""
-        corners = self.points[self.triangles]
-        return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
+        return float(edge_lengths(self.points, half_edges(self.triangles)).mean())
 
     @cached_property
     def _rays(self) -> tuple[int, float]:
