@@ -56,7 +56,7 @@ def test_a_muscle_without_a_frame_is_hidden():
     phantom = phantoms.spindle_over_hinge()
     scene = MovingScene({}, phantom.muscles, {}, off_screen=True, size=(200, 160))
     before = drawn(scene.plotter.screenshot(return_img=True))
-    scene.show()
+    scene.show({}, {}, {})
     scene.plotter.render()
     assert before > 0.02
     assert drawn(scene.plotter.screenshot(return_img=True)) == 0.0

@@ -67,9 +67,6 @@ def make_plotter(
     return plotter
 
 
-_NOTHING: Mapping[str, Floats] = {}
-
-
 class MovingScene:
     """Bones, translucent muscles and fibres at rest on a ``plotter``, moved by :meth:`show`.
 
@@ -101,10 +98,7 @@ class MovingScene:
         self.plotter.renderer.ResetCameraClippingRange()
 
     def show(
-        self,
-        bones: Mapping[str, Floats] = _NOTHING,
-        muscles: Mapping[str, Floats] = _NOTHING,
-        fibres: Mapping[str, Floats] = _NOTHING,
+        self, bones: Mapping[str, Floats], muscles: Mapping[str, Floats], fibres: Mapping[str, Floats]
     ) -> None:
         """Move all actors, for the next rendering.
 
