@@ -26,7 +26,8 @@ from vtkmuscle.io.in_child import log_level
 from vtkmuscle.plotting import views
 
 _PLAIN_FIBRES = "#f3d9c9"
-_COLOURS = "Colours"
+#: Array of colours by line or point.
+COLOURS = "Colours"
 
 
 def actors_of(
@@ -109,8 +110,8 @@ def fibre_actor(fibres: vtkPolyData, width: float, colours: NDArray[np.uint8] | 
     """Return splines through fibre points, shaded as tubes of a width [pixels]."""
     lines = arrays.polylines_from(arrays.polylines_of(fibres, "plotting: fibres"))
     if colours is not None:
-        arrays.add_arrays(lines, cells={_COLOURS: colours})
-        lines.GetCellData().SetActiveScalars(_COLOURS)
+        arrays.add_arrays(lines, cells={COLOURS: colours})
+        lines.GetCellData().SetActiveScalars(COLOURS)
     # The end curvature equals the neighbouring point's, so that arcs stay round.
     cubic = vtkCardinalSpline(left_constraint=3, right_constraint=3, left_value=1.0, right_value=1.0)
     # Thick lines have gaps at bends; with this many pieces, gaps are invisible.

@@ -17,15 +17,13 @@ from vtkmuscle.data import arrays
 from vtkmuscle.data.arrays import Polylines, point_array, points_of, polylines_of, triangles_of
 from vtkmuscle.filters.fibre_tubes import FibreTubes
 from vtkmuscle.io.writing import replacing
-from vtkmuscle.plotting.studio import strain_colours, strains_of
+from vtkmuscle.plotting.studio import COLOURS, strain_colours, strains_of
 from vtkmuscle.plotting.views import IVORY, MUSCLE_RED
 from vtkmuscle.run.result_data import ResultData
 from vtkmuscle.run.table import optional_package
 
 #: Suffixes of USD, binary or as text.
 SUFFIXES = (".usd", ".usdc", ".usda")
-
-_COLOURS = "Colours"
 
 
 def write_usd(result: ResultData, path: Path, *, tubes: bool, width: float = 0.01) -> None:
@@ -121,11 +119,11 @@ class _Stage:
         """Add fibres as a mesh of tubes, with colours (k, 3) by frame."""
         make, drawn = FibreTubes(radius=width / 2.0, sides=6), []
         for lines, colour in zip(frames, colours, strict=True):
-            own = {_COLOURS: np.repeat(colour, np.diff(lines.offsets), axis=0)}
+            own = {COLOURS: np.repeat(colour, np.diff(lines.offsets), axis=0)}
             plain = arrays.polylines_from(Polylines(lines.points, lines.offsets))
             drawn.append(arrays.joined_triangles(make(arrays.add_arrays(plain, points=own)))[0])
         mesh = self.mesh("fibres", name, ((points_of(tube), triangles_of(tube, name)) for tube in drawn))
-        self._paint_each(mesh, self._tokens.vertex, [point_array(tube, _COLOURS, name) for tube in drawn])
+        self._paint_each(mesh, self._tokens.vertex, [point_array(tube, COLOURS, name) for tube in drawn])
 
     def paint(self, prim: Any, colour: str) -> None:
         """Give a prim one colour."""
