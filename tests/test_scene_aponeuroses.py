@@ -14,7 +14,7 @@ from vtkmuscle.data.attachments import Aponeurosis
 from vtkmuscle.filters import FibreSource
 from vtkmuscle.phantoms import spindle_over_hinge
 from vtkmuscle.run import muscle_pipeline
-from vtkmuscle.scene.data import SceneError
+from vtkmuscle.scene import SceneError
 
 WIDTH, LENGTH = 20.0, 120.0
 

@@ -9,8 +9,8 @@ import pytest
 from commands import refused, vtkmuscle_
 
 from vtkmuscle import Result
+from vtkmuscle.report import page_of
 from vtkmuscle.report.data import Pack, curves_of
-from vtkmuscle.report.page import page_of
 
 #: Whatever a browser would load: in attributes of HTML, or in a style.
 LOADS = re.compile(r"""(?:src|href|action)\s*=\s*["']?(?!#|data:)[^"'\s>]+|url\(|@import""")

@@ -125,7 +125,7 @@ def from_labels(
     overwrite : bool, optional
         Whether files from elsewhere are replaced; inputs never are.
     **options
-        ``frame``, ``edge`` and ``announce`` of :func:`~vtkmuscle.labels.page.draft_of_labels`.
+        ``frame``, ``edge`` and ``announce`` of :func:`~vtkmuscle.labels.draft_of_labels`.
 
     Raises
     ------

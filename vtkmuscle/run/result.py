@@ -254,7 +254,7 @@ class Result(ResultData):
         The .html file holds all that it shows and needs no network; it is replaced where it exists. Another
         suffix is a ValueError.
         """
-        from vtkmuscle.report.page import page_of  # noqa: PLC0415 -- only a page needs its parts
+        from vtkmuscle.report import page_of  # noqa: PLC0415 -- only a page needs its parts
 
         if Path(path).suffix.lower() not in (".html", ".htm"):
             raise InputError(str(path), "a report is an HTML page", "end the name in .html")

@@ -4,3 +4,7 @@
 ``checks`` tests surfaces and landmarks, and ``sense`` reports implausible scenes. :class:`vtkmuscle.Scene`
 combines all parts.
 """
+
+from vtkmuscle.scene.data import Muscle, SceneData, SceneError
+
+__all__ = ["Muscle", "SceneData", "SceneError"]
