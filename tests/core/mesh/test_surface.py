@@ -27,7 +27,7 @@ def test_unique_edges_agree_with_igl(vase):
 
 
 def test_stretches_are_the_singular_values_of_the_map_of_each_triangle(rng):
-    """Of any linear map of a triangle's plane into space; a triangle without area has none."""
+    """Of any linear map of a triangle's plane into space; triangles without area have none."""
     flat, maps = rng.normal(size=(50, 3, 2)), rng.normal(size=(50, 3, 2))
     rest = np.concatenate([np.dstack([flat, np.full((50, 3), 7.0)]).reshape(-1, 3), np.zeros((3, 3))])
     now = np.concatenate([(flat @ maps.transpose(0, 2, 1)).reshape(-1, 3), rng.normal(size=(3, 3))])
@@ -39,6 +39,8 @@ def test_stretches_are_the_singular_values_of_the_map_of_each_triangle(rng):
     np.testing.assert_allclose(np.column_stack([greatest, least])[:-1], expected, rtol=1e-6)
     np.testing.assert_allclose(2.0 * areas, np.linalg.norm(triangle_normals(rest, triangles), axis=1))
     assert (least[-1], greatest[-1], areas[-1]) == (1.0, 1.0, 0.0)
+    lines = surface.side_products(np.linspace(0.1, 0.9, 153)[:, None] * rng.normal(size=3), triangles)
+    assert np.isfinite(surface.triangle_stretches(lines, lines)).all()
 
 
 @settings(max_examples=30)

@@ -10,7 +10,7 @@ from vtkmuscle.core.paths.bone_contact import PUSH as BONE_PUSH
 from vtkmuscle.core.paths.bone_contact import BoneContacts, add_contacts
 from vtkmuscle.core.paths.equilibrium import add_neighbours, add_springs, newton_step, prepare_solve
 from vtkmuscle.core.paths.neighbours import MODULUS, NEIGHBOURS, RING, SHEAR_MODULUS, WIDTH, neighbours_of
-from vtkmuscle.core.paths.ring_contact import add_rings, hold_in_rings, rings_at
+from vtkmuscle.core.paths.ring_contact import add_rings, hold_in_rings, outside_of, rings_at
 from vtkmuscle.core.paths.via_rings import via_ring
 
 PUSH, ROUNDING = 100.0, 0.3
@@ -276,3 +276,6 @@ def test_the_stiffness_of_a_ring_is_the_slope_of_its_force(at):
     slopes = [(pushed(place + way)[0] - pushed(place - way)[0]) / 2e-6 for way in 1e-6 * np.eye(3)]
     np.testing.assert_allclose(pushed(place)[1], slopes, rtol=1e-5, atol=1e-5)
     assert not pushed(np.array([4.99, 4.99, 0.0]))[2].any()
+    outside = np.empty((1, 1))
+    outside_of(rings, np.array([[(*at, -1.0), (*at, 1.0), (0.0, 0.0, 9.0)]]), outside)
+    assert outside[0, 0] == pytest.approx(np.hypot(*np.maximum(np.array(at) - 5.0, 0.0)))

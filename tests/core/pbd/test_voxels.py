@@ -61,6 +61,11 @@ def test_voxels_of_real_bones_miss_nothing_and_fill_nothing_but_pockets(lhdl_hip
     assert (codes[~solid] == INSIDE).sum() <= 3e-4 * (grid.cells != OUTSIDE).sum()
 
 
+def test_a_side_thinner_than_two_cells_has_one_and_the_others_are_nearly_cubes():
+    grid = build_voxel_grid(*box((0, 0, 0), (1.9, 20, 20)), n_max=760)
+    assert [side - 2 for side in grid.cells.shape] == [1, 20, 20]
+
+
 def test_every_point_of_the_surface_is_contained_and_nothing_far_from_it_on_the_outside():
     points, triangles = ball()
     grid = build_voxel_grid(points, triangles, n_max=30_000)
