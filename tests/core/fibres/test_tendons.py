@@ -14,7 +14,7 @@ def sheet(shape):
 @pytest.fixture
 def fibres(rng):
     ends = rng.uniform(
-        [[20.0, 2.0, -3.0], [60.0, 2.0, 3.0]], [[40.0, 8.0, -1.0], [99.0, 8.0, 5.0]], (30, 2, 3)
+        [[20.0, 2.0, -3.0], [60.0, 2.0, 3.0]], [[40.0, 8.0, -1.0], [80.0, 8.0, 5.0]], (30, 2, 3)
     )
     share = np.linspace(0.0, 1.0, 9)[:, None]
     return (1.0 - share) * ends[:, :1] + share * ends[:, 1:]
