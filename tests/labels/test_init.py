@@ -20,6 +20,7 @@ from vtkmuscle.io.writing import write_polydata
 from vtkmuscle.labels.architecture import areas_at_tips
 from vtkmuscle.labels.draft import Draft
 from vtkmuscle.phantoms import hip
+from vtkmuscle.scene.sense import check_sense
 
 HIP = hip(detail=0.5)
 METRES = 1e-3
@@ -236,7 +237,9 @@ def test_a_muscle_that_cannot_be_made_is_named_and_the_others_are_there(files, t
 
 
 def test_surfaces_are_looked_at_before_a_guess_is_made(files, tmp_path):
-    """An open muscle is left out with the remedy; a header's frame must be the stated frame."""
+    """An open muscle is left out with the remedy; landmarks out of order are named; frames must agree."""
+    ring = np.loadtxt(files[-1], delimiter=",")
+    np.savetxt(files[-1], np.random.default_rng(0).permutation(ring), delimiter=",")
     torn = HIP.muscles["gluteus_medius"]
     torn = arrays.surface_from(METRES * arrays.points_of(torn), arrays.triangles_of(torn, "medius")[1:])
     write_polydata(files[2], torn)
@@ -246,7 +249,11 @@ def test_surfaces_are_looked_at_before_a_guess_is_made(files, tmp_path):
         "gluteus_medius_right: the surface is open: 3 edges belong to one triangle only; use vtkmuscle init"
         in words
     )
-    assert list(vtkmuscle.Scene.load(tmp_path / "scene/scene.toml").muscles) == ["iliacus_right"]
+    assert re.search(r"0\.00 .*: landmarks of iliacus_r_origin\.csv; .*; order the landmarks along", words)
+    scene = vtkmuscle.Scene.load(tmp_path / "scene/scene.toml")
+    assert list(scene.muscles) == ["iliacus_right"]
+    with pytest.warns(UserWarning, match=r"origin is estimated on 'pelvis' with low confidence \(0\.00\)"):
+        check_sense(scene)
     writer = vtkSTLWriter(file_name=str(tmp_path / "femur_l.stl"), header="3D Slicer output. SPACE=RAS")
     writer.SetInputData(torn)
     writer.Write()

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from vtkmuscle.core.attachments.patches import ring_sides
 from vtkmuscle.core.errors import InputError, check_is_file
 from vtkmuscle.core.mesh.surface import box_of, longest_side, survey
 from vtkmuscle.core.types import Floats
@@ -63,8 +64,7 @@ def draw_landmarks(file: Path, picture: Path) -> None:
 def _of_landmarks(file: Path) -> dict[str, str]:
     named = read_named_points(file)
     points, closed = read_landmarks(file)
-    around = np.vstack([points, points[:1]]) if closed else points
-    length = float(np.linalg.norm(np.diff(around, axis=0), axis=1).sum())
+    length = float(ring_sides(points)[: None if closed else -1].sum())
     return {
         "landmarks": str(len(points)),
         "ring": f"yes, {length:.6g} round" if closed else f"no, {length:.6g} along",

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.attachments.patches import ring_length
+from vtkmuscle.core.attachments.patches import ring_sides
 from vtkmuscle.core.errors import InputError, check_is_file, fault_of
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import longest_side, survey
@@ -32,7 +32,7 @@ from vtkmuscle.labels.reading import kind_of
 from vtkmuscle.scene.checks import closed_surface, repaired_surface
 from vtkmuscle.scene.data import words_of
 from vtkmuscle.scene.reading import areas_in_contact, goes_round
-from vtkmuscle.scene.sense import CHECKS, other_units
+from vtkmuscle.scene.sense import CHECKS, disorder, other_units
 from vtkmuscle.scene.writing import inline_toml, write_areas
 
 #: Fibres of each muscle.
@@ -354,9 +354,15 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
             why = f"{role} on {bone!r}, {gaps[bone]:.1f} mm from the landmarks in {file.name}"
             draft.guess(key, f"{role}: {bone}", sure, why)
         if not closed and len(points) > 3:
-            gap = float(np.linalg.norm(points[-1] - points[0])) / max(ring_length(points), 1e-300)
+            gap = float((sides := ring_sides(points))[-1] / max(sides.sum(), 1e-300))
             why = f"{role}: the gap from the last landmark to the first is {100.0 * gap:.0f} % of the ring"
             closed, likely = goes_round(points) or role == VIA, 2.0 * gap  # half of it for a straight line
             what = ("a ring", 1.0 - likely) if closed else ("an open curve", likely)
             draft.guess(key, *what, why)
-        draft.areas.setdefault(muscle, []).append(AttachmentArea(role, bone, points, closed, False, sure))
+        area = AttachmentArea(role, bone, points, closed, False, sure)
+        for _, problem, remedy, _ in disorder(
+            key, area, longest_side(points_of(draft.muscles[muscle])), "mm"
+        ):
+            draft.guess(key, f"landmarks of {file.name}", 0.0, f"{role}: {problem}; {remedy}")
+            area = replace(area, confidence=0.0)
+        draft.areas.setdefault(muscle, []).append(area)

@@ -11,7 +11,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle import io
-from vtkmuscle.core.attachments.patches import ring_area, ring_length
+from vtkmuscle.core.attachments.patches import ring_area, ring_sides
 from vtkmuscle.core.motion.coordinates import MILLIMETRES
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.template import read_template
@@ -117,11 +117,8 @@ def _areas(key: str, tables: list[Area], files: SceneFiles, scene: SceneTable) -
 
 def goes_round(landmarks: Floats) -> bool:
     """Return whether landmarks nearly close and enclose an area."""
-    if len(landmarks) < 4:
-        return False
-    gaps = np.linalg.norm(np.diff(landmarks, axis=0, append=landmarks[:1]), axis=1)
-    enclosed = 4.0 * np.pi * ring_area(landmarks) / max(ring_length(landmarks), 1e-300) ** 2
-    return bool(gaps[-1] < NEXT_TO * gaps[:-1].max() and enclosed > ROUND)
+    gaps, area = ring_sides(landmarks), 4.0 * np.pi * ring_area(landmarks)
+    return bool(len(gaps) > 3 and gaps[-1] < NEXT_TO * gaps[:-1].max() and area > ROUND * gaps.sum() ** 2)
 
 
 def _aponeuroses(key: str, table: Aponeuroses, files: SceneFiles, scene: SceneTable) -> list[Aponeurosis]:

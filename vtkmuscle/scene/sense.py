@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.attachments.patches import ring_length, short_ring
+from vtkmuscle.core.attachments.patches import ring_sides, short_ring
 from vtkmuscle.core.bones.bone import Bone, bone_of
 from vtkmuscle.core.bones.joint_fits import head_in
 from vtkmuscle.core.mesh.sampling import samples_inside
@@ -62,7 +62,11 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     for name, muscle in scene.muscles.items():
         surface = anatomy.muscles[name]
         for number, area in enumerate(muscle.attachments):
-            yield from _ring(f"muscles.{name}.attachments[{number}].landmarks", area, surface, scene.units)
+            key = f"muscles.{name}.attachments[{number}].landmarks"
+            odd = disorder(key, area, longest_side(surface.points), scene.units)
+            yield from (
+                finding for finding in odd if area.closed or finding.certain
+            )  # loose points are allowed
         yield from _on_bones(scene.millimetres, name, muscle, anatomy)
         yield from _in_bones(scene.millimetres, name, anatomy)
     if scene.muscle_contact != "off":
@@ -108,20 +112,24 @@ def other_units(clouds: Mapping[str, Floats]) -> Iterator[Finding]:
             yield _finding("other_unit", key, certain=True, size=size, longest=longest)
 
 
-def _ring(key: str, area: AttachmentArea, muscle: RestSurface, units: str) -> Iterator[Finding]:
-    """Yield implausible orders and positions of an area's landmarks."""
-    landmarks = np.asarray(area.landmarks, dtype=np.float64)
-    if len(landmarks) > 1 and diagonal(landmarks) <= 1e-9 * diagonal(muscle.points):
-        yield _finding("coincide", key, certain=True, count=len(landmarks))
-        return
-    if area.estimated or not area.closed or len(landmarks) < 4:
-        return
-    limits = CHECKS["ring"]
-    landmarks = landmarks[:: -(-len(landmarks) // limits["landmarks"])]
-    length, shortest = ring_length(landmarks), ring_length(landmarks[short_ring(landmarks)])
-    if length > limits["ratio"] * shortest:
-        certain, ratio = length > limits["certain"] * shortest, length / shortest
-        yield _finding("ring", key, certain=certain, length=length, ratio=ratio, units=units)
+def disorder(key: str, area: AttachmentArea, size: float, units: str) -> Iterator[Finding]:
+    """Yield landmarks that coincide, in a scene of a size, or are out of order.
+
+    An open curve lacks a side of a ring, and is compared with a short ring without the longest side.
+    """
+    limits, landmarks = CHECKS["ring"], np.asarray(area.landmarks, dtype=np.float64)
+    count = len(landmarks)
+    if count > 1 and diagonal(landmarks) <= 1e-9 * size:
+        yield _finding("coincide", key, certain=True, count=count)
+    elif count > 3 and not area.estimated:
+        landmarks = landmarks[:: -(-count // limits["landmarks"])]
+        own, short = ring_sides(landmarks), ring_sides(landmarks[short_ring(landmarks)])
+        if not area.closed:
+            own, short = own[:-1], np.sort(short)[:-1]
+        if (length := own.sum()) > limits["ratio"] * short.sum():
+            words = {"line": "ring" if area.closed else "curve", "ratio": length / short.sum()}
+            certain = area.closed and words["ratio"] > limits["certain"]
+            yield _finding("ring", key, certain=certain, length=length, units=units, **words)
 
 
 def _guessed(scene: SceneData) -> Iterator[Finding]:
