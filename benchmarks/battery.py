@@ -102,9 +102,12 @@ def main() -> None:
     parser.add_argument("--pictures", type=Path, metavar="FILE", help="draw all muscles in their last frame")
     parser.add_argument("--rst", type=Path, metavar="FOLDER", help="write the table there as a CSV file")
     asked = parser.parse_args()
+    paths = asked.scenes or scenes()
+    if not paths:
+        parser.error(f"there is no scene in {data_folder().parent}; name a SCENE.toml, or set VTKMUSCLE_DATA")
     table, results = Table("battery", HEADER, []), {}
     with tempfile.TemporaryDirectory() as folder:
-        for path in asked.scenes or scenes():
+        for path in paths:
             name = f"{path.parent.name}, {path.stem}" if path.stem != "scene" else path.parent.name
             print(f"{name} ...", file=sys.stderr, flush=True)
             results[name] = Scene.load(path).run(out=Path(folder) / name.replace(", ", "_"), figures=False)

@@ -142,11 +142,14 @@ def main() -> None:
     }
     if (data_folder() / "scene.toml").is_file():
         tables["paths"] = ["muscle", *of_paths], few_paths
-    for name, (head, made) in tables.items():
-        if asked.only is None or name in asked.only:
-            content = [head, *made()]
-            with (asked.out / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
-                csv.writer(file, lineterminator="\n").writerows(content)
+    if missing := set(asked.only or ()) - tables.keys():
+        parser.error(f"there is no table {', '.join(sorted(missing))}; there are {', '.join(tables)}")
+    asked.out.mkdir(parents=True, exist_ok=True)
+    for name in asked.only or tables:
+        head, made = tables[name]
+        content = [head, *made()]
+        with (asked.out / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file, lineterminator="\n").writerows(content)
 
 
 if __name__ == "__main__":
