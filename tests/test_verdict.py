@@ -346,14 +346,18 @@ def test_fibres_that_leave_the_muscle_or_enter_a_bone_are_measured():
     )
     measure.take_fibres_at_rest(lines, offsets)
     still = measure.fibres(lines, offsets, points_of(ball()), measure.depths(lines, {}))
-    assert still == {"fibres_outside_max_mm": 0.0, "fibres_penetration_new_max_mm": 0.0}
+    assert set(still.values()) == {0.0}
     moved = lines.copy()
     moved[1, 0], moved[4] = 6.5, [0.0, 0.0, 42.0]
     found = measure.fibres(moved, offsets, points_of(ball()), measure.depths(moved, {}))
     assert found["fibres_penetration_new_max_mm"] == pytest.approx(15.0)
     assert found["fibres_outside_max_mm"] == pytest.approx(20.0, rel=0.02)
-    nowhere = MuscleMeasure(ball(), ["bone"], {}, 1.0).fibres(lines, offsets, points_of(ball()), None)
+    bent = points_of(ball()) + points_of(ball())[:, 2:] ** 2 / 40.0 * [1.0, 0.0, 0.0]
+    chord = np.array([[22.5, 0.0, -30.0], [22.5, 0.0, 30.0]])
+    nowhere = MuscleMeasure(ball(), ["bone"], {}, 1.0).fibres(chord, np.array([0, 2]), bent, None)
     assert nowhere["fibres_penetration_new_max_mm"] is None
+    assert nowhere["fibres_outside_max_mm"] == 0.0
+    assert nowhere["fibres_outside_between_max_mm"] == pytest.approx(2.5, abs=0.2)
 
 
 # ------------------------------------------------------------------------------- runs

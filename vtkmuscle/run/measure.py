@@ -49,7 +49,7 @@ class MuscleMeasure:
         #: A bone presses on a path from no farther, through the muscle between [mm].
         self._standoff = LARGEST_STANDOFF * surfaces.mean_thickness(self._rest, self._triangles)
         self._rest_depths = self._depths_of_free(self._rest, {})
-        self._fibre_rest_depths: Floats | None = None
+        self._fibre_rest_depths: Floats | float = 0.0
         self._bent: TriangleTree | None = None
 
     @property
@@ -107,19 +107,23 @@ class MuscleMeasure:
     def fibres(
         self, fibre_points: Floats, offsets: Ints, points: Floats, depths: Floats | None
     ) -> dict[str, Any]:
-        """Return how far the points (p, 3) of fibres leave the muscle, or enter bones since rest.
+        """Return how far fibres leave the muscle, or enter bones since rest.
 
-        ``depths`` (p,) are those of the fibre points, ``points`` (n, 3) the muscle's.
+        ``depths`` (p,) are those of the fibre points (p, 3), ``points`` (n, 3) the muscle's. The distance
+        between points is that of the segments' middles: a coarse fibre cuts corners.
         """
         self._bent = tree_of_deformed(self._bent, points, self._triangles)
-        outside = fibre_points[~self._bent.inside(fibre_points)]
-        farthest = float(self._bent.nearest(outside)[2].max(initial=0.0)) * self._millimetres
+        middles = np.delete((fibre_points[1:] + fibre_points[:-1]) / 2.0, offsets[1:-1] - 1, axis=0)
+        row: dict[str, Any] = {}
+        for name, places in (("max", fibre_points), ("between_max", middles)):
+            outside = places[~self._bent.inside(places)]
+            farthest = float(self._bent.nearest(outside)[2].max(initial=0.0))
+            row[f"fibres_outside_{name}_mm"] = farthest * self._millimetres
         deeper = None
         if depths is not None:
-            deepest, rest = np.maximum.reduceat(depths, offsets[:-1]), self._fibre_rest_depths
-            grown = np.maximum(deepest - (0.0 if rest is None else rest), 0.0)
-            deeper = float(grown.max()) * self._millimetres
-        return {"fibres_outside_max_mm": farthest, "fibres_penetration_new_max_mm": deeper}
+            grown = np.maximum.reduceat(depths, offsets[:-1]) - self._fibre_rest_depths
+            deeper = float(grown.max(initial=0.0)) * self._millimetres
+        return row | {"fibres_penetration_new_max_mm": deeper}
 
     def hooked_paths(
         self, paths: Floats, rings: Sequence[AttachmentArea], now: Mapping[str, Floats]
@@ -143,7 +147,7 @@ class MuscleMeasure:
     def take_fibres_at_rest(self, fibre_points: Floats, offsets: Ints) -> None:
         """Take the depths at rest in bones of fibres with points (p, 3) and offsets (k + 1,)."""
         depths = self.depths(fibre_points, {})
-        self._fibre_rest_depths = None if depths is None else np.maximum.reduceat(depths, offsets[:-1])
+        self._fibre_rest_depths = 0.0 if depths is None else np.maximum.reduceat(depths, offsets[:-1])
 
     def _depths_of_free(self, points: Floats, now: Mapping[str, Floats]) -> Floats | None:
         """Return the depths of free points in bones. None without such points or bones."""

@@ -163,9 +163,8 @@ def _of_motion(scene: schema.SceneTable) -> Iterator[_Fault]:
         remedy = 'add transforms = "FILE.csv", or a table [motion.hinge]; or joints, and file or grid'
         yield _fault("missing", "motion.transforms", remedy=remedy)
         return
-    for name in present:
-        if name not in (kind, *schema.MOTION_KINDS[kind]):
-            yield _fault("combined", f"motion.{name}", other=f"motion.{kind}")
+    for name in sorted(set(present) - {kind, *schema.MOTION_KINDS[kind]}):
+        yield _fault("combined", f"motion.{name}", other=f"motion.{kind}")
     if kind in ("file", "grid") and not jointed:
         yield _fault("no_joints", f"motion.{kind}")
     if motion.hinge is not None:
