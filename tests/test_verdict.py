@@ -11,6 +11,7 @@ from tiny_scene import ellipsoid, write_tiny_scene
 
 from vtkmuscle import Scene, hinge
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.fibres.measures import MODEL, SHORTENED
 from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.core.moment_arms.levers import distances_moved, even_stretches, largest_turns, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion
@@ -228,6 +229,7 @@ def test_the_limits_are_those_of_the_documentation(request):
             [check.look, check.failed], rel=0.01
         ), name
     assert {"verdict", "pennation_origin_deg", "fascicle_pennation_origin_deg"} <= {*DEFINITIONS}
+    assert f"model_mm: {MODEL} (1 + {SHORTENED:g} s)" in DEFINITIONS["errors"]
 
 
 @pytest.mark.parametrize("sheets", [(), (0.3, 0.7)])

@@ -19,7 +19,7 @@ function makeCurves(data, block, choose) {
       const bands = [band(times, low, high, muscle.colour, single ? 0.16 : 0.1, `${muscle.label}: all ${what}`, single)];
       if (single) {
         bands.push(band(times, lower, upper, muscle.colour, 0.28, `middle half of the ${what}`, true));
-        if (held[0].some(Number.isFinite)) bands.push(band(times, ...held, ERROR, 0.4, "error of the mean (95 %)", true));
+        if (held[0].some(Number.isFinite)) bands.push(band(times, ...held, ERROR, 0.4, "error of the mean change since rest (95 %)", true));
         bands.push(...each(muscle, muscle[key], times, what));
       }
       return [...bands.flat(), line(times, mean, muscle, single ? `mean of the ${what}` : muscle.label)];
