@@ -9,6 +9,7 @@ import time
 import warnings
 from contextlib import ExitStack
 from dataclasses import replace
+from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 
 import pytest
@@ -17,7 +18,7 @@ from tiny_scene import write_tiny_scene
 
 from vtkmuscle import Scene, hinge
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
-from vtkmuscle.io.children import processes
+from vtkmuscle.io.children import interrupts_blocked, processes
 from vtkmuscle.run.pool import pool_size
 from vtkmuscle.scene.data import SceneError
 
@@ -140,6 +141,15 @@ def test_ctrl_c_ends_all_processes(scene, tmp_path):
     assert program.returncode == 130
     assert "Traceback" not in said
     wait_for_end(processes)
+
+
+def test_ctrl_c_stays_blocked_as_the_first_process_starts(monkeypatch):
+    tracker = resource_tracker.ResourceTracker()  # the first one: its start unblocks Ctrl-C
+    monkeypatch.setattr(resource_tracker, "ensure_running", tracker.ensure_running)
+    with interrupts_blocked():
+        resource_tracker.ensure_running()
+        assert signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    tracker._stop()
 
 
 def test_the_end_of_a_pool_ends_no_processes_of_another_one():

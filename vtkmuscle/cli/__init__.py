@@ -107,10 +107,9 @@ def demo(out: shared.OutOption = None, *, options: shared.RunArguments) -> None:
     scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.hip(angles=DEMO_ANGLES))
     scene.chosen(**options.choice)  # an unknown muscle is an error before a file is written
     path = save_unless_there(scene, folder / "scene", overwrite=options.overwrite)
-    loaded = vtkmuscle.Scene.load(path)
     words = f"The scene is {path}: edit the file, or use your own surfaces, and run"
     shared.say_run(options.quiet, words, path)
-    run_and_report(loaded, folder, options)
+    run_and_report(vtkmuscle.Scene.load(path), folder, options)
 
 
 @command()
@@ -174,9 +173,7 @@ def fetch(
         return
     if name == public.NAME:
         typer.echo(public.LICENCE)
-        if not accept_licence:
-            accept_licence = sys.stdin.isatty() and typer.confirm("Do you accept the licence?")
-        if not accept_licence:
+        if not (accept_licence or (sys.stdin.isatty() and typer.confirm("Do you accept the licence?"))):
             raise InputError(name, "the licence is not accepted", "add --accept-licence to accept")
     announce = partial(shared.say, quiet)
     path = public.fetch(name, out, accept_licence=True, host=host or public.HOST, announce=announce)

@@ -150,6 +150,8 @@ def check(
         raise InputError("--repair", "a repair is of a model of OpenSim", "give an .osim file")
     page = out or Path(f"{own_name(repair or model)}_check.html")
     pages = io.Outputs.for_file(page, [model, scene], overwrite=options.overwrite)
+    if page.suffix.lower() not in (".html", ".htm"):
+        raise InputError(page, "a check is an HTML page", "end the name in .html")
     pages.check(page.with_suffix(".csv"))
     if repair is not None and scene is not None:
         theirs, overwrite = shared.pairs(replace), options.overwrite

@@ -125,10 +125,9 @@ def cohort(
 
     def show(rows: Sequence[Mapping[str, Any]]) -> None:
         for row in rows:
-            failed = row["verdict"] == "failed"
             words = [row["subject"], row["muscle"], row["verdict"], row["message"]]
             line = shared.one_line(": ".join(word for word in words if word))
-            shared.print_error(line) if failed else shared.say(options.quiet, line)
+            shared.print_error(line) if row["verdict"] == "failed" else shared.say(options.quiet, line)
 
     names = ("workers", "frames", "figures", "report", "fresh", "overwrite")
     settings = {name: getattr(options, name) for name in names} | options.choice
