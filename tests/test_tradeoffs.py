@@ -74,6 +74,9 @@ def test_finished_runs_are_read_again_and_table_and_figure_are_written(measured)
     np.testing.assert_array_equal(again.table.where(muscle=ALL)["ms"], first["ms"])
     assert (out / "tradeoff.csv").read_text().startswith("deformer,quality,n_fibres,muscle,verdict,ms,")
     assert (out / "tradeoff.png").stat().st_size > 5000
+    (out / "tradeoff.png").write_text("mine")
+    with pytest.raises(ValueError, match=r"tradeoff\.png: the file exists"):
+        vtkmuscle.tradeoff(scene, out, frames="0:3", progress=pytest.fail, **settings)
 
 
 def test_a_setting_has_its_colour_in_all_panels(measured):

@@ -152,10 +152,9 @@ def run_labelled(
     if not names or twice:
         words = ", ".join(map(str, labelled[names.index(twice[0])][0].values())) if twice else ""
         problem = f"two have the same name, {words!r}" if twice else "there are none"
-        raise InputError("scenes", problem, "give each scene once, and each subject a name")
-    outputs = None if out is None else Outputs(Path(out), overwrite=bool(options.get("overwrite")))
-    if outputs is not None:
-        outputs.check(outputs.folder / "cohort.csv")
+        raise InputError("scenes", problem, "give each scene and value once, and each subject a name")
+    kept, overwrite = None if out is None else Path(out) / "cohort.csv", bool(options.get("overwrite"))
+    outputs = None if kept is None else Outputs.for_file(kept, (), overwrite=overwrite)
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory()) if out is None else out)
         folder.mkdir(parents=True, exist_ok=True)

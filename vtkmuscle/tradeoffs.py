@@ -163,6 +163,8 @@ def tradeoff(
     options = {"frames": frames, "overwrite": overwrite, "clock": time.process_time, "sense": False}
     with TemporaryDirectory() as temporary:
         folder = Path(temporary if out is None else out)
+        outputs = Outputs.for_file(folder / "tradeoff.csv", (), overwrite=overwrite)
+        outputs.check(folder / "tradeoff.png")
         table = run_labelled(labelled, folder, None, workers, progress, options)
         messages = dict(zip(table["folder"], table["message"], strict=True))
         folders = [folder / folder_name(labels) for labels, _ in labelled]
@@ -172,13 +174,12 @@ def tradeoff(
         rows: list[list[Any]] = []
         for values, result in zip(tried, results, strict=False):
             limit = at_limit[values.get("deformer", scene.deformer)]
-            message = messages.get(folder_name(values), "")
             measured = {name: _measured(result, limit, name) for name in scene.muscles if result is not None}
             for name, row in ({ALL: _together(measured)} | measured).items():
-                rows.append([*values.values(), name, *row.values(), message])
+                rows.append([*values.values(), name, *row.values(), messages.get(folder_name(values), "")])
         measured_all = Tradeoff(Table((*varied, "muscle", "verdict", "ms", *ERRORS, "message"), rows), varied)
         if out is not None:
-            with Outputs(folder, overwrite=overwrite):
+            with outputs:
                 measured_all.write(folder)
     return measured_all
 
