@@ -177,3 +177,7 @@ def test_surfaces_and_volumes_are_written_without_a_joint(tmp_path, monkeypatch)
     names.SetValue(0, names.GetValue(2).title())
     with pytest.raises(ValueError, match=f"two labels are called '{names.GetValue(2)}'"):
         draft_of(image, monkeypatch)
+    with pytest.raises(ValueError, match=r"edge is 0\.0, but must be a finite number > 0"):
+        draft_of(image, monkeypatch, edge=0.0)
+    with pytest.raises(FileNotFoundError, match=r"lost_origin\.csv"):  # before the fault above is seen
+        draft_of(image, monkeypatch, landmarks=[tmp_path / "lost_origin.csv"])

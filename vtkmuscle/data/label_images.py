@@ -156,7 +156,7 @@ def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
         raise InputError(where, "the image has no point scalars of whole numbers", "give a map of labels")
     least, most = int(voxels.min()), int(voxels.max())
     if least < 0 or not 0 < most <= MOST:
-        problem = f"labels go from {least} to {most}, but must be 0 (background) to {MOST}"
+        problem = f"values go from {least} to {most}, but must be 0 (background) and labels from 1 to {MOST}"
         raise InputError(where, problem, "give a map of labels")
     voxels.setflags(write=False)
     voxels = voxels.reshape(image.GetDimensions()[::-1])
@@ -170,7 +170,8 @@ def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
     for value, box in enumerate(ndimage.find_objects(voxels), 1):
         name = names.get(value, f"label_{value}")
         if box is not None and name in labels:
-            raise InputError(where, f"labels {labels[name].value} and {value} are both called {name!r}")
+            problem = f"labels {labels[name].value} and {value} are both called {name!r}"
+            raise InputError(where, problem, "rename or remove one")
         if box is not None:
             labels[name] = Label(value, voxels, box, frame)
     return labels

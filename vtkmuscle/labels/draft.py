@@ -330,11 +330,9 @@ def _roles_name(file: Path) -> str:
 def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) -> None:
     """Add landmarks to a draft by file names: muscle, role, and possibly the bone after the role."""
     for file in files:
-        match = _AREA.match(_roles_name(file))
-        muscle = plain_name(match[1]) if match else ""
-        side = side_of(match[3]) if match and match[3] else None
-        there = (*draft.muscles, *draft.left_out)
-        muscle = next((name for name in (muscle, f"{muscle}_{side}") if name in there), "")
+        match, there = _AREA.match(_roles_name(file)), (*draft.muscles, *draft.left_out)
+        names = (plain_name(match[1]), f"{plain_name(match[1])}_{side_of(match[3] or '')}") if match else ()
+        muscle = next((name for name in names if name in there), "")
         if muscle in draft.left_out:
             continue
         if match is None or not muscle:

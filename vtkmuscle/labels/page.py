@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.errors import InputError, check_is_file
 from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.core.mesh.surface import NOISE, box_of, signed_volume, survey
 from vtkmuscle.core.types import Floats
@@ -166,9 +166,8 @@ def _page_values(draft: Draft) -> dict[str, Any]:
         """Add lines, shown with the muscle of the name."""
         if lines:
             packed = packed_lines(np.vstack(lines)[None], np.array([len(line) for line in lines]), pack)
-            muscles.append(
-                {"name": name, "colour": COLOURS[kind], "width": 3, "surface": None, "fibres": packed}
-            )
+            look = {"name": name, "colour": COLOURS[kind], "width": 3}
+            muscles.append({**look, "surface": None, "fibres": packed})
 
     for name, muscle in draft.muscles.items():
         surface = packed_surface(muscle, [points_of(muscle)], MOST, pack)
@@ -262,11 +261,13 @@ def draft_of_labels(
     structure. FileNotFoundError or ValueError if a file cannot be read, or has no bones and muscles.
     """
     draft = Draft(Path(path).name.partition(".")[0], frame=frame)
+    for file in landmarks:  # before the surfaces take their time
+        check_is_file(file)
     labels: dict[str, Label] = {}
     images = [(image, labels_in(image, str(path))) for image in read_labels(path, names=names, frame=frame)]
     frames = [label.frame[:3, :3] for _, by_name in images for label in by_name.values()]
     voxel = float(min(abs(np.linalg.det(axes)) for axes in frames) ** (1 / 3))
-    edge = edge or min(LabelSurfaces().edge, EDGE_VOXELS * voxel)
+    edge = min(LabelSurfaces().edge, EDGE_VOXELS * voxel) if edge is None else edge
     for image, by_name in images:
         used = [name for name in by_name if kind_of(name)]
         for name in (name for name in by_name if name not in used):
