@@ -64,6 +64,15 @@ def test_inputs_and_links_are_never_replaced(tmp_path):
     assert not list((tmp_path / "elsewhere").iterdir())
 
 
+def test_a_file_in_place_of_a_folder_is_named(tmp_path):
+    (tmp_path / "notes").write_text("mine")
+    for folder in (tmp_path / "notes", tmp_path / "notes/deep"):
+        with pytest.raises(NotADirectoryError, match=r"notes is a file; give another folder"):
+            Outputs.for_file(folder / "a", ())
+        with pytest.raises(OSError, match=r"notes(/deep)?'$"):  # the names of temporary files are no help
+            write_text(folder / "a", "1")
+
+
 def test_a_command_that_fails_leaves_nothing(tmp_path):
     def command():
         with Outputs(tmp_path / "new/deep"):

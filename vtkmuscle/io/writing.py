@@ -51,7 +51,8 @@ def replacing(path: Path) -> Iterator[Path]:
         if outputs is None:
             partial.replace(path)
     except BaseException as error:
-        partial.unlink(missing_ok=True)
+        if partial.exists():
+            partial.unlink()
         if isinstance(error, OSError) and error.errno and error.filename in (None, str(partial)):
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise
@@ -98,6 +99,8 @@ class Outputs:
             if {path, path.resolve()} & lost:
                 problem = f"the output {path} would replace an input{f' ({key})' if key else ''}"
                 raise InputError(file, problem, "give another --out")
+        if (file := next(filter(Path.is_file, path.parents), None)) is not None:
+            raise NotADirectoryError(f"{file} is a file; give another folder for the results")
         inside = (Path(parent, name) for parent, names, _ in os.walk(path) for name in sorted(names))
         above = [each for each in path.parents if self.folder in each.parents]
         for each in filter(Path.is_symlink, (*above, path, *inside)):
@@ -146,10 +149,9 @@ class Outputs:
         record = self._record()
         for path, partial in self._staged.items():
             self.check(path)
-            name, old = path.relative_to(self.folder).as_posix(), []
-            if path.is_file() and self._is_recorded(path):  # a kill leaves some old files
-                old = [file_digest(path)]
-            record[name] = [file_digest(partial), *old]
+            kept = path.is_file() and self._is_recorded(path)  # a kill leaves some old files
+            old = [file_digest(path)] if kept else []
+            record[path.relative_to(self.folder).as_posix()] = [file_digest(partial), *old]
         paths = {name: self.folder / name for name in sorted(record)}
         there = [name for name, path in paths.items() if path in self._staged or path.exists()]
         write_json(self.folder / RECORD, {name: record[name] for name in there}, indent=1)

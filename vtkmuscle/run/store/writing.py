@@ -42,8 +42,6 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
     """
     if folder.is_symlink() and not folder.exists():
         raise FileNotFoundError(f"{folder} is a link to {os.readlink(folder)}, which does not exist")
-    if folder.is_file():
-        raise NotADirectoryError(f"{folder} is a file; give another folder for the results")
     report = ResultFolder(folder).report()
     outputs = writing.Outputs(folder, inputs=scene.files, overwrite=True)  # files of no run are checked below
     for name, is_folder in _outputs([*scene.muscles, *_muscles_of(report)]).items():
