@@ -1,5 +1,6 @@
 """Nothing of the user's is replaced by any command; the files of a command appear together or not at all."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -69,8 +70,17 @@ def test_a_file_in_place_of_a_folder_is_named(tmp_path):
     for folder in (tmp_path / "notes", tmp_path / "notes/deep"):
         with pytest.raises(NotADirectoryError, match=r"notes is a file; give another folder"):
             Outputs.for_file(folder / "a", ())
-        with pytest.raises(OSError, match=r"notes(/deep)?'$"):  # the names of temporary files are no help
+        with pytest.raises(OSError, match=r"notes(/deep)?'$"):
             write_text(folder / "a", "1")
+
+
+def test_the_names_of_temporary_files_are_not_told(tmp_path, monkeypatch):
+    def denied(path, *_):
+        raise PermissionError(errno.EACCES, "denied", str(path))
+
+    monkeypatch.setattr(os, "mkdir", denied)
+    with pytest.raises(PermissionError, match=r"sub/a'$"):
+        write(tmp_path, a="1")
 
 
 def test_a_command_that_fails_leaves_nothing(tmp_path):

@@ -53,7 +53,7 @@ def replacing(path: Path) -> Iterator[Path]:
     except BaseException as error:
         if partial.exists():
             partial.unlink()
-        if isinstance(error, OSError) and error.errno and error.filename in (None, str(partial)):
+        if isinstance(error, OSError) and error.errno and ".partial" in str(error.filename or partial):
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise
 
