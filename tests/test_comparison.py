@@ -118,7 +118,7 @@ def test_nothing_in_common_is_one_clear_error():
     with pytest.raises(ValueError, match=r"no muscle is in two .*one: vastus_r; other: psoas"):
         vtkmuscle.compare({"one": Made(), "other": Made(muscle="psoas")})
     scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.spindle_over_hinge())
-    for given in (scene, [scene]):
+    for given in (scene, [scene], {"one": scene}, [3]):
         with pytest.raises(TypeError, match=r"takes results or their folders, not .*; run a scene first"):
             vtkmuscle.compare(given)
 

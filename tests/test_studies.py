@@ -174,6 +174,8 @@ def test_settings_of_the_paths_are_varied(scene):
         (lambda scene: vtkmuscle.cohort({}), "there are none"),
         (lambda scene: vtkmuscle.cohort(["a.toml", "a.toml"]), "two have the same name, 'a.toml'"),
         (lambda scene: vtkmuscle.cohort({"anna": scene}, workers=0), "workers is 0"),
+        (lambda scene: scene.run(workers=2.5), r"workers is 2\.5, but must be an integer"),
+        (lambda scene: vtkmuscle.compare({"a": "none", "b": "none"}), "none: there is no such folder"),
         (lambda scene: scene.run(progress=True), "progress is True, not a function"),
         (lambda scene: vtkmuscle.compare(scene.run(frames="0:1")), "no muscle is in two of the runs"),
         (vtkmuscle.vary, "no setting is varied"),

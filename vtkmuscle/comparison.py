@@ -1,6 +1,5 @@
 """Comparison of runs of other settings, sides or subjects, and of published moment arms."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
@@ -123,7 +122,7 @@ class Comparison:
 
 
 def compare(
-    results: Mapping[str, Result] | Sequence[Result | str | PathLike[str]],
+    results: Mapping[str, Result | str | PathLike[str]] | Sequence[Result | str | PathLike[str]],
     *,
     literature: str | PathLike[str] | None = None,
 ) -> Comparison:
@@ -134,7 +133,7 @@ def compare(
 
     Parameters
     ----------
-    results : mapping of str to Result, or sequence of Result or path
+    results : mapping of str to Result or path, or sequence of Result or path
         Runs by a name, or runs and folders of results, named by default. The first run is the reference.
     literature : path, optional
         Published moment arms as of :func:`vtkmuscle.io.read_literature`; by default the arms of the runs.
@@ -160,7 +159,8 @@ def compare(
     >>> compared.table().where(run="balanced", quantity="fibre length")["unit"]
     array(['mm'], dtype='<U2')
     """
-    named = dict(results) if isinstance(results, Mapping) else _named(results)
+    runs = results if isinstance(results, Mapping) else _named(results)
+    named = {name: _loaded(run) for name, run in runs.items()}
     compared = Comparison({}, {}, {})
     for name, result in named.items():
         published = result.literature
@@ -183,15 +183,18 @@ def compare(
     return compared
 
 
-def _named(results: Sequence[Result | str | PathLike[str]]) -> dict[str, Result]:
-    named: dict[str, Result] = {}
+def _loaded(run: Result | str | PathLike[str]) -> Result:
+    if not (isinstance(run, str | PathLike) or hasattr(run, "all_arms")):
+        raise TypeError(f"compare takes results or their folders, not {quoted(run)}; run a scene first")
+    return Result.load(run) if isinstance(run, str | PathLike) else run
+
+
+def _named(results: Sequence[Result | str | PathLike[str]]) -> dict[str, Result | str | PathLike[str]]:
+    named: dict[str, Result | str | PathLike[str]] = {}
     for run in [results] if isinstance(results, Result | Scene | str | PathLike) else results:
-        if not isinstance(run, Result | str | PathLike):
-            raise TypeError(f"compare takes results or their folders, not {quoted(run)}; run a scene first")
-        result = run if isinstance(run, Result) else Result.load(run)
-        name = run.name if isinstance(run, Result) else Path(run).resolve().name
+        name = run.name if isinstance(run, Result) else Path(str(run)).resolve().name
         number = sum(other == name or other.startswith(f"{name} (") for other in named)
-        named[f"{name} ({number + 1})" if number else name] = result
+        named[f"{name} ({number + 1})" if number else name] = run
     return named
 
 
@@ -239,8 +242,7 @@ def difference(curve: Curve, reference: Curve) -> tuple[float | None, ...]:
         return (None,) * 4
     x, apart = curve.x[inside], (curve.mean - expected)[inside]
     worst = int(np.abs(apart).argmax())
-    root = math.sqrt(float(np.mean(np.square(apart))))
-    return float(apart.mean()), root, float(apart[worst]), float(x[worst])
+    return float(apart.mean()), float(np.sqrt(np.mean(apart**2))), float(apart[worst]), float(x[worst])
 
 
 def _curve(labels: tuple[str, str, str], x: Floats, rows: Floats, poses: Floats | None = None) -> Curve:

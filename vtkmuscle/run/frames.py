@@ -71,8 +71,8 @@ class RunOptions:
     clock: Callable[[], float] = time.perf_counter
 
     def __post_init__(self) -> None:
-        if self.workers is not None and self.workers < 1:
-            raise InputError("", f"workers is {self.workers}, but must be an integer >= 1")
+        if self.workers is not None and (not hasattr(self.workers, "__index__") or self.workers < 1):
+            raise InputError("", f"workers is {self.workers!r}, but must be an integer >= 1")
         if self.progress is not None and not callable(self.progress):
             raise InputError("", f"progress is {self.progress!r}, not a function of muscle, stage, fraction")
 
