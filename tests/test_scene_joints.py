@@ -216,6 +216,7 @@ FOLLOWER = {"lower": {"follows": "uper", "polynomial": [1, 0]}}
         ),
         ({"motion": {"grid": {"uper": [0, 20, 10]}}}, "motion.grid.uper", "did you mean 'upper'"),
         ({"motion": {"grid": {"upper": [0, 20, -1]}}}, "motion.grid.upper", "does not ascend"),
+        ({"motion": {"grid": {"upper": [0, 10, 20]}}}, "motion.grid.upper", "does not ascend by steps"),
         ({"motion": {"grid": {"upper": [0, 60, 0.1], "lower": [0, 60, 0.1]}}}, "motion.grid", "361201 poses"),
         ({"motion": {**GRID["motion"], "file": "walk.mot"}}, "motion.grid", "cannot be combined with"),
         ({"motion": {**GRID["motion"], "bone": "middle"}}, "motion.bone", "cannot be combined with"),

@@ -216,7 +216,7 @@ def _steps(values: list[float]) -> list[float]:
     if len(values) != 3:
         raise InputError("", f"must be start, stop and step, not {quoted(values)}", "write [0, 90, 5]")
     start, stop, step = values
-    if not (step > 0 and stop >= start):
+    if not (step > 0 and (stop == start or stop - start > 0.999 * step)):  # else these are three values
         raise InputError("", *words_of("descends", start=start, stop=stop, step=step))
     if (stop - start) / step > MOST_FRAMES:
         raise InputError("", *words_of("many_frames", count=(stop - start) / step))
