@@ -358,7 +358,9 @@ def test_exports_and_checks_replace_their_own_files_only(ran, tmp_path):
     for arguments in (("check", model, "--out", model), ("export", results, model, "--into", model)):
         assert "would replace an input" in refused(*arguments, "--overwrite")
         assert model.read_bytes() == before
-    assert "check is an HTML page; end the name in .html" in refused("check", model, "--out", "page.csv")
+    assert "check is an HTML page; end the name in .html" in refused(
+        "check", model, "--out", tmp_path / "no.csv"
+    )
     (tmp_path / "page.csv").write_text("mine")
     refused("check", model, "--out", tmp_path / "page.html")
     assert not (tmp_path / "page.html").exists()
