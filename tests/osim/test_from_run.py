@@ -361,6 +361,9 @@ def test_exports_and_checks_replace_their_own_files_only(ran, tmp_path):
     assert "check is an HTML page; end the name in .html" in refused(
         "check", model, "--out", tmp_path / "no.csv"
     )
+    (tmp_path / "hand.xml").write_text("<mujoco/>")
+    into = "--into", tmp_path / "hand.xml"
+    assert "'mujoco', not a model of OpenSim" in refused("export", results, tmp_path / "new.osim", *into)
     (tmp_path / "page.csv").write_text("mine")
     refused("check", model, "--out", tmp_path / "page.html")
     assert not (tmp_path / "page.html").exists()

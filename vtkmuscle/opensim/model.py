@@ -119,10 +119,10 @@ def own_name(model: Path) -> str:
 
 def checked_model(path: Path) -> OsimModel:
     """Return a model for further muscles; ValueError before version 4."""
-    version = read_xml(path).attributes.get("Version", "0")
+    model, version = read_osim(path), read_xml(path).attributes.get("Version", "0")
     if not version.isdecimal() or int(version) < 40000:
         raise InputError(path, f"the model is of version {version}", "save it again with OpenSim 4")
-    return read_osim(path)
+    return model
 
 
 def _meshes(name: str, body: Element, not_used: list[str]) -> Iterator[tuple[str, str]]:
