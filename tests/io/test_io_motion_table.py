@@ -75,10 +75,13 @@ def test_faults_are_named_with_their_line(line, column, value, message, table):
         read_motion_table(table, "femur", time="time")
 
 
-@pytest.mark.parametrize("content", [b"", b"T00,T01\n", b"\xff\xfe\x00"])
-def test_a_table_without_rows_is_named(content, tmp_path):
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(b"", ""), (b"T00,T01\n", ""), (b"\xff\xfe\x00", ""), (b"T00;T01\n1;0\n", ".* the columns by commas")],
+)
+def test_a_table_without_rows_or_columns_is_named(content, words, tmp_path):
     (tmp_path / "m.csv").write_bytes(content)
-    with pytest.raises(ValueError, match=r"m\.csv: "):
+    with pytest.raises(ValueError, match=r"m\.csv: " + words):
         read_motion_table(tmp_path / "m.csv", "femur")
 
 

@@ -107,8 +107,7 @@ def demo(out: shared.OutOption = None, *, options: shared.RunArguments) -> None:
     scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.hip(angles=DEMO_ANGLES))
     scene.chosen(**options.choice)  # an unknown muscle is an error before a file is written
     path = save_unless_there(scene, folder / "scene", overwrite=options.overwrite)
-    words = f"The scene is {path}: edit the file, or use your own surfaces, and run"
-    shared.say_run(options.quiet, words, path)
+    shared.say_run(options.quiet, f"The scene is {path}: edit it, or use your own surfaces, and run", path)
     run_and_report(vtkmuscle.Scene.load(path), folder, options)
 
 

@@ -34,7 +34,8 @@ def table_rows(
         problem = f"the column(s) {', '.join(twice)} appear twice" if any(twice) else "a column has no name"
         raise InputError(path, problem, "give each column a name of its own")
     if missing := [name for name in needed if name not in header]:
-        raise InputError(path, f"the column(s) {', '.join(missing)} are missing", remedy)
+        apart = "separate the columns by commas; " if len(header) == 1 else ""
+        raise InputError(path, f"the column(s) {', '.join(missing)} are missing", apart + remedy)
     if len(rows) < 2:
         raise InputError(path, "the table has no rows", remedy)
     if most is not None and len(rows) - 1 > most:
