@@ -5,7 +5,13 @@ from functools import partial
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.spreading import cloud, move_ends, smooth_about_course, steps_to_centres
+from vtkmuscle.core.fibres.spreading import (
+    cloud,
+    move_ends,
+    smooth_about_course,
+    smoothing_of,
+    steps_to_centres,
+)
 from vtkmuscle.core.mesh.polylines import inner_points, polyline_lengths, smooth_polylines
 from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.types import Floats
@@ -26,7 +32,8 @@ class FibreSmoother(Filter):
 
     Each pass moves the inner points to (p_{i-1} + k p_i + p_{i+1}) / (k + 2), which straightens fibres. With
     a muscle connected, the mean course of all fibres is kept, and the deviation of each fibre is smoothed
-    (:func:`vtkmuscle.core.fibres.spreading.smooth_about_course`); points outside move to the surface. Each
+    (:func:`vtkmuscle.core.fibres.spreading.smooth_about_course`), as far along the fibre as in fibres of 15
+    segments, however many segments there are; points outside move to the surface. Each
     pass then also moves every fibre towards the centroid of its Voronoi cell in the muscle (Lloyd's
     relaxation), by ``spreading`` times the distance. Fibre ends move along connected attachment areas, and
     stay without areas. Spreading suits parallel fibres, and fibres that were led to the areas; pennate fibres
@@ -43,7 +50,7 @@ class FibreSmoother(Filter):
     smoothing_passes
         Number of smoothing passes.
     smoothing_weight
-        Weight of the middle point.
+        Weight of the middle point; with a muscle connected, in fibres of 15 segments.
     spreading
         Relative step of each pass towards the cell's centroid: 1 is the full distance, 1.5 converges in the
         fewest passes, 0 smooths only. None is 1.5 for parallel fibres (field array ``Template``) and for
@@ -117,9 +124,10 @@ class FibreSmoother(Filter):
         samples, surface = geometry.samples(count), (geometry.points, geometry.triangles)
         made = partial(cloud, samples, *surface)
         within = geometry.once("cloud", (len(samples),), made) if len(samples) else None
-        points = lines.points
+        points, segments = lines.points, len(inner) / max(len(lines), 1) + 1.0
+        weight, passes = smoothing_of(segments, self.smoothing_weight)
         for done in range(self.smoothing_passes):
-            points = smooth_about_course(points, lines.offsets, self.smoothing_weight, 1)
+            points = smooth_about_course(points, lines.offsets, weight, passes)
             if within is not None:
                 goals = points + spreading * steps_to_centres(points, lines.offsets, within)
                 for end, other, area in zip(ends, reversed(ends), areas, strict=True):

@@ -80,7 +80,7 @@ class RunOptions:
 def run_options(options: Mapping[str, Any], settings: Iterable[str] = ()) -> RunOptions:
     """Return options by name; an unknown name raises a TypeError, which names ``settings`` too."""
     own = [field.name for field in fields(RunOptions)]
-    for key in options.keys() - own:
+    for key in sorted(options.keys() - own):
         raise TypeError(f"there is no option {key!r}; {remedy_for('RunOptions', key, [*own, *settings])}")
     return RunOptions(**options)
 

@@ -270,7 +270,7 @@ def _of_opensim(table: schema.OpenSimTable, scene: schema.SceneTable, files: Sce
     body_names = table.bodies or {}
     bodies = {bone: body_names.get(bone, bone) for bone in scene.bones}
     frame, fixed = table.frame or tree.root, table.fixed or tree.root
-    for bone in body_names.keys() - scene.bones.keys():
+    for bone in sorted(body_names.keys() - scene.bones.keys()):
         remedy = suggestion(bone, scene.bones)
         raise SceneError(f"there is no bone {bone!r}", f"opensim.bodies.{bone}", remedy, where)
     with scene_errors_at("opensim.rest", where):

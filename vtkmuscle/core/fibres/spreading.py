@@ -7,6 +7,7 @@ next, and rounding decides nothing. The papers keep fibres as mapped from the te
 of the muscle's sections.
 """
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -18,6 +19,20 @@ from vtkmuscle.core.mesh.polylines import evenly_spread, smooth_polylines, stati
 from vtkmuscle.core.mesh.sampling import space_order
 from vtkmuscle.core.mesh.surface import box_of, signed_volume, sorted_into_bins
 from vtkmuscle.core.types import ROUNDING, Floats, Ints
+
+#: Segments of the published fibres (Kohout, Cervenka 2021, section 4), for which weights of smoothing are.
+SEGMENTS = 15
+
+
+def smoothing_of(segments: float, k: float) -> tuple[float, int]:
+    """Return the weight and the passes that smooth as far as a pass over fibres of :data:`SEGMENTS` segments.
+
+    That pass has the weight k >= 0. A pass blurs by 2 / (k + 2) squared segments: blurred by as many
+    segments, whatever their length, fibres get rougher and longer with each halving of the segments.
+    """
+    share = (segments / SEGMENTS) ** 2
+    passes = math.ceil(share - ROUNDING)
+    return (k + 2.0) * passes / share - 2.0, passes
 
 
 def smooth_about_course(points: Floats, offsets: Ints, k: float, passes: int) -> Floats:

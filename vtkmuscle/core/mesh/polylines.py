@@ -21,9 +21,20 @@ def smooth_polylines(points: Floats, offsets: Ints, k: float = 4.0, iterations: 
     """Return smoothed polylines, end points kept.
 
     p'_i = (p_{i-1} + k p_i + p_{i+1}) / (k + 2), all points of a pass at once: Kohout et al. 2012, *Muscle
-    Fibres Modelling*, section 3.4, with k = 4. Points (n, 3) may be rows of other values; k is >= 0.
+    Fibres Modelling*, section 3.4, with k = 4. Points (n, 3) may be rows of other values; k is >= 0. A pass
+    shrinks each sine wave of a line about its chord: many passes over equal lines are one power.
     """
-    result, i = points.copy(), inner_points(offsets)
+    result, i, counts = points.copy(), inner_points(offsets), np.diff(offsets)
+    if iterations > 1 and len(i) and (counts == counts[0]).all():
+        from scipy.fft import dst, idst  # noqa: PLC0415 -- 14 ms, and fibres of 15 segments need none
+
+        lines = result.reshape(len(counts), counts[0], -1)
+        share = np.linspace(0.0, 1.0, counts[0])[1:-1, None]
+        chords = (1.0 - share) * lines[:, :1] + share * lines[:, -1:]
+        kept = (k + 2.0 * np.cos(np.pi * share)) / (k + 2.0)
+        waves = kept**iterations * dst(lines[:, 1:-1] - chords, type=1, axis=1)
+        lines[:, 1:-1] = chords + idst(waves, type=1, axis=1)
+        return result
     for _ in range(iterations):
         result[i] = (result[i - 1] + k * result[i] + result[i + 1]) / (k + 2.0)
     return result
