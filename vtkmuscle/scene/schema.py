@@ -11,6 +11,7 @@ from pydantic_core.core_schema import literal_schema
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES, MILLIMETRES
+from vtkmuscle.core.types import ROUNDING
 from vtkmuscle.core.words import quoted, suggestion
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.attachments import ROLES, VIA
@@ -216,7 +217,8 @@ def _steps(values: list[float]) -> list[float]:
     if len(values) != 3:
         raise InputError("", f"must be start, stop and step, not {quoted(values)}", "write [0, 90, 5]")
     start, stop, step = values
-    if not (step > 0 and (stop == start or stop - start > 0.999 * step)):  # else these are three values
+    # A step longer than the range: these are three values.
+    if not (step > 0 and (stop == start or stop - start >= (1.0 - ROUNDING) * step)):
         raise InputError("", *words_of("descends", start=start, stop=stop, step=step))
     if (stop - start) / step > MOST_FRAMES:
         raise InputError("", *words_of("many_frames", count=(stop - start) / step))
