@@ -115,6 +115,16 @@ def test_fibres_that_leave_are_bent_inside_and_others_stay(plates):
     assert (np.linalg.norm(np.diff(inside[bent], axis=1), axis=2).sum(axis=1) < 24.0).all()  # 20 straight
 
 
+def test_bent_fibres_are_as_long_whatever_the_number_of_segments():
+    lines = [np.linspace([-30.0, 10.0, 0.0], [30.0, 10.0, 0.0], n + 1)[None] for n in (15, 60)]
+    bent = [
+        bend_inside(line, lambda p: p * np.maximum(20.0 / np.linalg.norm(p, axis=1)[:, None], 1.0))
+        for line in lines
+    ]
+    few, many = (np.linalg.norm(np.diff(line, axis=1), axis=2).sum() for line in bent)
+    assert few == pytest.approx(many, rel=5e-3)
+
+
 def plate(count, *, first=0, sides=(30.0, 10.0), lift=0.0):
     """Return positions of even density on a rectangle."""
     return np.column_stack([sobol(count, 2, first=first) * sides, np.full(count, lift)])

@@ -6,13 +6,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from shapes import sphere
 from spindle import spindle
 
-from vtkmuscle.core.fibres import mean_value
-from vtkmuscle.core.fibres.embedding import (
-    EmbeddedPoints,
-    sparse_mean_value_coordinates,
-    sparse_transport,
-    vertex_groups,
-)
+from vtkmuscle.core.fibres import embedding, mean_value
+from vtkmuscle.core.fibres.embedding import sparse_mean_value_coordinates, sparse_transport, vertex_groups
 from vtkmuscle.core.fibres.mean_value import mean_value_coordinates, transport
 
 # An L-shaped block (concave), 12 points, outward oriented: an L in x and y, extruded along z.
@@ -194,6 +189,6 @@ def test_few_or_equal_points_have_groups(points):
 
 def test_progress_grows_to_the_whole(rng):
     told: list[float] = []
-    EmbeddedPoints(rng.uniform(1.0, 7.0, (300, 3)), *block(), 0.0).moved(block()[0], told.append)
+    embedding.EmbeddedPoints(rng.uniform(1.0, 7.0, (300, 3)), *block(), 0.0).moved(block()[0], told.append)
     assert told == sorted(told)
     assert told[-1] == 1.0

@@ -18,6 +18,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.fibres.measures import SIDES, section_areas
+from vtkmuscle.core.fibres.spreading import smoothing_of
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.polylines import smooth_polylines
 from vtkmuscle.core.mesh.sampling import UNEVEN, PatchSamples, part_means
@@ -143,9 +144,9 @@ def bend_inside(fibres: Floats, into_muscle: FloatMap) -> Floats:
     A fibre is smoothed with its ends kept, and its outer points move to the nearest points of the muscle
     (`into_muscle`, (n, 3) to (n, 3)); repeated, the fibre takes about the shortest course within the muscle.
     """
-    offsets = np.arange(len(fibres) + 1) * fibres.shape[1]
+    offsets, smoothing = np.arange(len(fibres) + 1) * fibres.shape[1], smoothing_of(fibres.shape[1] - 1)
     for _ in range(BENDS if len(fibres) else 0):
-        fibres = smooth_polylines(fibres.reshape(-1, 3), offsets).reshape(fibres.shape)
+        fibres = smooth_polylines(fibres.reshape(-1, 3), offsets, *smoothing).reshape(fibres.shape)
         fibres[:, 1:-1] = into_muscle(fibres[:, 1:-1].reshape(-1, 3)).reshape(len(fibres), -1, 3)
     return fibres
 

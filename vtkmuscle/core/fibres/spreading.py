@@ -24,7 +24,7 @@ from vtkmuscle.core.types import ROUNDING, Floats, Ints
 SEGMENTS = 15
 
 
-def smoothing_of(segments: float, k: float) -> tuple[float, int]:
+def smoothing_of(segments: float, k: float = 4.0) -> tuple[float, int]:
     """Return the weight and the passes that smooth as far as a pass over fibres of :data:`SEGMENTS` segments.
 
     That pass has the weight k >= 0. A pass blurs by 2 / (k + 2) squared segments: blurred by as many
