@@ -101,9 +101,8 @@ def test_neither_order_of_bones_nor_numbers_of_points_matter(rng):
         mean, mean_of_mixed = (
             found.mean(axis=0) for found in (points[points_of(one)], points[order][points_of(other)])
         )
-        np.testing.assert_allclose(
-            mean, mean_of_mixed, atol=1.0
-        )  # of corners that are as far off either may count
+        # Of corners that are as far off either may count.
+        np.testing.assert_allclose(mean, mean_of_mixed, atol=1.0)
 
 
 @pytest.mark.parametrize(

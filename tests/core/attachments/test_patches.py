@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapes import convex, grid
 
-from vtkmuscle.core.attachments.patches import attachment_patch
+from vtkmuscle.core.attachments.patches import attachment_patch, ring_sides
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 
 RADIUS = 20.0
@@ -43,8 +43,9 @@ def is_cap(patch, polar):
 
 
 @pytest.mark.parametrize("polar", [15.0, 40.0, 75.0])
-def test_a_ring_gives_the_cap_that_it_encloses(polar):
+def test_a_ring_gives_the_cap_that_it_encloses_and_has_equal_sides(polar):
     assert is_cap(attachment_patch(*BALL, latitude_ring(polar), True), polar)
+    assert np.ptp(ring_sides(latitude_ring(polar))) < 1e-12
 
 
 def test_a_ring_that_crosses_itself_keeps_all_its_loops():

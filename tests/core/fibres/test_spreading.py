@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
-from vtkmuscle.core.fibres.spreading import Cloud, smooth_about_course, steps_to_centres
+from vtkmuscle.core.fibres.spreading import Cloud, smooth_about_course, smoothing_of, steps_to_centres
 from vtkmuscle.core.mesh.polylines import smooth_polylines
 
 BOX = np.array([20.0, 30.0, 100.0])
@@ -128,6 +128,7 @@ def bent(radius=26.0):
 def test_a_bend_that_all_fibres_have_keeps_its_radius():
     fibres = bent()
     assert_allclose(smooth_about_course(fibres, OFFSETS, 4.0, 5), fibres, atol=1e-9)
+    assert smoothing_of(15) == (4.0, 1)  # as published
     plain = smooth_polylines(fibres, OFFSETS, 4.0, 5)
     assert np.hypot(plain[:, 1], plain[:, 2]).min() < 25.7  # that is what it is for
 

@@ -89,9 +89,8 @@ def test_segments_are_those_within_lines_and_none_from_line_to_line():
 
 def test_the_nearest_arc_is_on_a_segment_or_beyond_the_curves_ends():
     corner = np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0]])
-    positions = np.array(
-        [[13.0, 2, 0], [-3, 1, 0], [11, 12, 0]]
-    )  # the first is nearer to the prolonged first
+    # The first is nearer to the prolonged first.
+    positions = np.array([[13.0, 2, 0], [-3, 1, 0], [11, 12, 0]])
     arcs, segments = polylines.nearest_arcs(np.tile(corner, (3, 1, 1)), positions)
     assert (arcs.tolist(), segments.tolist()) == ([12.0, -3.0, 22.0], [1, 0, 1])
 

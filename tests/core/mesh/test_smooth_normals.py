@@ -44,6 +44,8 @@ def test_they_do_not_jump_as_a_hinge_folds():
     assert jumps.max() < 0.2
     assert found[0] == pytest.approx([0.0, 0.0, 1.0])
     assert found[-1] == pytest.approx([0.0, 0.0, 1.0])
+    line = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
+    assert not smooth_normals(line, triangles[:1], np.array([0]), line[1:2]).any()
 
 
 def test_an_angle_is_the_mean_over_the_faces_on_both_sides_of_an_edge_and_all_round_a_corner():
