@@ -238,6 +238,7 @@ MUSCLE, AREAS = "muscles.spindle", "muscles.spindle.attachments"
 FAULTS = [
     # old text, new text, key, part of the problem, part of the mend
     ('name = "tiny"', 'nmae = "tiny"', "nmae", "no such key", "did you mean 'name'"),
+    ('name = "tiny"', 'name = ""', "name", "the text is empty", "name = "),
     ('name = "tiny"', "name = 3", "name", "must be a valid string, not 3", "name = "),
     ('name = "tiny"', 'name = "a/b"', "name", "'a/b' cannot be part of a file name", "letters"),
     ('units = "mm"', 'units = "inch"', "units", "'m', not 'inch'", "mm, cm, m"),

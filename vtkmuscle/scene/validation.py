@@ -89,6 +89,7 @@ def _problem_and_remedy(error: ErrorDetails, path: Sequence[int | str]) -> tuple
         case "model_type":
             return f"must be a table, not {quoted(error['input'])}", remedy
     problem = error["msg"].replace("Input should be", "must be").replace(" after validation", "")
+    problem = problem.replace("String should have at least 1 character", "the text is empty")
     return problem + (f", not {quoted(error['input'])}" if "must be" in problem else ""), remedy
 
 
