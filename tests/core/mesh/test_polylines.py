@@ -29,11 +29,6 @@ def test_smoothing_is_the_papers_formula_on_each_line(seed, k, iterations):
         expected = smoothed_by_the_formula(line, k, iterations) if len(line) > 2 else line
         assert_allclose(result[first:last], expected, atol=1e-11)
         assert_array_equal(result[[first, last - 1]], line[[0, -1]])
-    even = points[:24].reshape(-1, 8, 3)
-    ends = np.arange(0, 8 * len(even) + 1, 8)
-    result = polylines.smooth_polylines(even.reshape(-1, 3), ends, k, iterations).reshape(even.shape)
-    expected = [smoothed_by_the_formula(line, k, iterations) for line in even]
-    assert_allclose(result, np.reshape(expected, even.shape), atol=1e-10)
     published = polylines.smooth_polylines(points, offsets, 4.0)
     assert_array_equal(polylines.smooth_polylines(points, offsets), published)
 
