@@ -123,7 +123,7 @@ def finite_and_measured(rest, muscle):
 
 #: What cannot be filled, by which methods, and what the message says of it.
 CANNOT_BE = {
-    "a hole": (METHODS, "3 open edge"),
+    "a hole": (METHODS, "3 triangle edge"),
     "areas that overlap": (("harmonic",), "the origin and the insertion area overlap"),
 }
 CAN_BE = [

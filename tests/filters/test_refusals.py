@@ -182,7 +182,7 @@ REFUSED = [
             np.eye(3),
         )
     ),
-    ("SliceMorpher", {"muscle": opened}, "opposite sides, and so no closed"),
+    ("SliceMorpher", {"muscle": opened}, "the surface must be closed"),
     ("SliceMorpher", {"superficial": lines_of(np.zeros((1, 2, 3)))}, "have length 0.*; digitise two points"),
     (
         "StiffTendons",

@@ -120,7 +120,7 @@ class SliceMorpher(Filter):
         self, template: Polylines, muscle: Surface, attachments: Areas | None, superficial: Polylines | None
     ) -> vtkPolyData:
         """Return the fibres in the muscle."""
-        box, geometry = _box(template.data), muscle.closed("and so no closed sections")
+        box, geometry = _box(template.data), muscle.geometry
         tolerance = self.slice_tolerance
         if tolerance is None:
             tolerance = DEFAULT_TOLERANCE * float(np.linalg.norm(box[:3, 2]))

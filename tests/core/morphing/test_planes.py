@@ -133,6 +133,12 @@ def test_a_slice_that_is_the_rectangle_maps_to_itself(rng):
         assert np.allclose(section.positions(places), places, atol=1e-9)
 
 
+def test_an_open_muscle_is_refused(banana):
+    points, triangles = banana
+    with pytest.raises(ValueError, match="must be closed"):
+        morph(points, triangles[:-1])
+
+
 def test_a_muscle_without_an_inside_is_refused():
     points = np.array([(0.0, 0, 0), (10, 0, 1), (3, 0, 30)])
     with pytest.raises(ValueError, match="no section of the muscle through the template has an inside"):

@@ -68,6 +68,12 @@ def test_a_surface_that_faces_inward_is_turned_with_its_opposite_half_edges(surf
     assert closed_surface(points, triangles).outward().triangles is not turned.triangles
 
 
+@pytest.mark.parametrize("triangles", [FACES[:3], np.vstack([FACES[:3], FACES[3:, ::-1]])])
+def test_an_open_or_inconsistent_surface_is_refused(triangles):
+    with pytest.raises(ValueError, match="must be closed and oriented"):
+        opposite_half_edges(triangles)
+
+
 @settings(max_examples=25)
 @given(seed=st.integers(0, 10**6))
 def test_loops_are_those_of_vtk(seed):

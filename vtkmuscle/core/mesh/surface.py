@@ -240,10 +240,15 @@ def opposite_half_edges(triangles: Ints) -> Ints:
     """Return the opposite half-edges (3 m,) of a closed surface.
 
     Half-edge 3 i + j runs from corner j of triangle i to the next corner; its opposite runs back in the
-    neighbouring triangle. All triangles of the surface face the same side.
+    neighbouring triangle. A ValueError says that the surface is open, or neighbouring triangles face
+    different sides.
     """
     directed, edge_of = half_edges(triangles), numbered_edges(triangles)[1]
     up = directed[:, 0] < directed[:, 1]
+    alone = int(np.abs(np.bincount(edge_of, np.where(up, 1, -1))).sum())
+    if alone:
+        problem = f"the surface must be closed and oriented, but {alone} triangle edge(s) have no counterpart"
+        raise InputError("", problem, "fill its holes and run vtkPolyDataNormals with ConsistencyOn")
     # The n-th half-edge forth along an edge pairs with the n-th back.
     forth, back = (half[np.argsort(edge_of[half], kind="stable")] for half in map(np.flatnonzero, (up, ~up)))
     opposite = np.empty(len(directed), dtype=np.int64)
