@@ -59,9 +59,7 @@ def test_a_cord_of_few_segments_stays_on_a_ball(n):
     """Its middle runs round 24 mm; with less tissue beside them, paths slipped off and were 60 mm shorter."""
     with patch.object(pulleys, "rod", lambda _start, _end, radius: ball((0.0, 0.0, 0.0), radius)):
         scene = Scene.from_phantom(pulleys.cord_over_roller([4.0] * 3, 24.0), n_fibres=9)
-    run = replace(scene, deformer="none", paths={"resolution": n}).run(
-        report=False, figures=False, sense=False
-    )
+    run = replace(scene, deformer="none", paths={"resolution": n}).run(figures=False, sense=False)
     (lengths,) = (each.mean(axis=1) for each in run.lengths.values())
     wound = 24.0 * np.radians(np.subtract(run.times, run.times[0]))
     np.testing.assert_allclose(lengths - lengths[0], wound, atol=4.0)

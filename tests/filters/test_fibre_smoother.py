@@ -57,9 +57,7 @@ def test_a_wave_is_smoothed_alike_whatever_the_number_of_segments():
     ball, left = vtkSphereSource(radius=99.0).update().output, []
     for segments in (8, 15, 31, 90):
         t = np.linspace(0.0, 1.0, segments + 1)
-        waves = [
-            np.column_stack([60.0 * t - 30.0, side * np.sin(4.0 * np.pi * t), 0.0 * t]) for side in (-1, 1)
-        ]
+        waves = [np.column_stack([60 * t - 30, side * np.sin(4 * np.pi * t), 0 * t]) for side in (-1, 1)]
         smoothed = points_of(FibreSmoother(spreading=0.0)(lines_of(waves), ball)).reshape(2, -1, 3)
         left.append(np.vdot(smoothed[1, :, 1], waves[1][:, 1]) / np.vdot(waves[1], [0, 1, 0] * waves[1]))
     assert_allclose(left, left[-1], rtol=0.1)

@@ -358,9 +358,8 @@ def test_exports_and_checks_replace_their_own_files_only(ran, tmp_path):
     for arguments in (("check", model, "--out", model), ("export", results, model, "--into", model)):
         assert "would replace an input" in refused(*arguments, "--overwrite")
         assert model.read_bytes() == before
-    assert "check is an HTML page; end the name in .html" in refused(
-        "check", model, "--out", tmp_path / "no.csv"
-    )
+    words = refused("check", model, "--out", tmp_path / "no.csv")
+    assert "check is an HTML page; end the name in .html" in words
     (tmp_path / "hand.xml").write_text("<mujoco/>")
     into = "--into", tmp_path / "hand.xml"
     assert "'mujoco', not a model of OpenSim" in refused("export", results, tmp_path / "new.osim", *into)

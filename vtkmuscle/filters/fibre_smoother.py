@@ -33,11 +33,11 @@ class FibreSmoother(Filter):
     Each pass moves the inner points to (p_{i-1} + k p_i + p_{i+1}) / (k + 2), which straightens fibres. With
     a muscle connected, the mean course of all fibres is kept, and the deviation of each fibre is smoothed
     (:func:`vtkmuscle.core.fibres.spreading.smooth_about_course`), as far along the fibre as in fibres of 15
-    segments, however many segments there are; points outside move to the surface. Each
-    pass then also moves every fibre towards the centroid of its Voronoi cell in the muscle (Lloyd's
-    relaxation), by ``spreading`` times the distance. Fibre ends move along connected attachment areas, and
-    stay without areas. Spreading suits parallel fibres, and fibres that were led to the areas; pennate fibres
-    would be drawn into the corners.
+    segments, however many segments there are; points outside move to the surface. Each pass then also moves
+    every fibre towards the centroid of its Voronoi cell in the muscle (Lloyd's relaxation), by ``spreading``
+    times the distance. Fibre ends move along connected attachment areas, and stay without areas. Spreading
+    suits parallel fibres, and fibres that were led to the areas; pennate fibres would be drawn into the
+    corners.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ from vtkmuscle.core.mesh.sampling import space_order
 from vtkmuscle.core.mesh.surface import box_of, signed_volume, sorted_into_bins
 from vtkmuscle.core.types import ROUNDING, Floats, Ints
 
-#: Segments of the published fibres (Kohout, Cervenka 2021, section 4), for which weights of smoothing are.
+#: Segments of the published fibres (Kohout, Cervenka 2021, section 4); weights of smoothing are for so many.
 SEGMENTS = 15
 
 
