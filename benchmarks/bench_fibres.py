@@ -182,6 +182,7 @@ def main() -> None:
     """Print all tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--muscles", nargs="*", help="default: all of the scene")
+    parser.add_argument("--resolution", type=int, default=15, metavar="N", help="segments of a fibre (15)")
     parser.add_argument("--sizes", action="store_true", help="up to 10 000 fibres")
     parser.add_argument("--transport", action="store_true", help="weights and frames, on the first muscle")
     parser.add_argument("--rounds", type=int, default=7)
@@ -191,12 +192,14 @@ def main() -> None:
     bones = scene.bones_data()
     for name in names:
         muscle, attachments = scene.muscles[name].surface, scene.attachments_data(name)
-        _, first = staged(muscle, attachments, 100, 15)
-        runs = [staged(muscle, attachments, 100, 15) for _ in range(options.rounds)]
+        given = muscle, attachments, 100, options.resolution
+        _, first = staged(*given)
+        runs = [staged(*given) for _ in range(options.rounds)]
         fibres = runs[0][0]
         best = np.min([times for _, times in runs], axis=0)
         stages = ", ".join(f"{stage} {ms:.1f}" for stage, ms in zip(STAGES, best, strict=True))
-        print(f"{name:16s} 100 x 15: {best.sum():.1f} ms ({stages}); first run {sum(first):.0f} ms")
+        size = f"{name:16s} 100 x {options.resolution}"
+        print(f"{size}: {best.sum():.1f} ms ({stages}); first run {sum(first):.0f} ms")
         quality(name, fibres, muscle, bones)
         if name == names[0] and options.transport:
             time_transport(fibres, muscle)
