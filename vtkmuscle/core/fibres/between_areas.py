@@ -48,11 +48,6 @@ class EndSurface(NamedTuple):
     samples: PatchSamples
     takes: tuple[float, float] = (0.0, np.inf)
 
-    def candidates(self, count: int) -> Floats:
-        """Return positions of even density [mm]. At least `count`; loose points repeat."""
-        dense = self.samples.dense(count)
-        return dense if len(dense) >= count else np.resize(dense, (count, 3))
-
     def crossed_by(self, directions: Floats, positions: Floats) -> Floats:
         """Return the cross-sections (m,) along fibres, |u . n| A, at positions (m, 3) [mm^2].
 
@@ -71,8 +66,11 @@ def straight_fibres(origin: EndSurface, insertion: EndSurface, count: int, resol
 
     Fibres are spread evenly over both areas. The area that takes more fibres keeps a bare part.
     """
-    candidates = [area.candidates(CANDIDATES * max(count, COARSE)) for area in (origin, insertion)]
-    starts, ends = even_positions(_taken(origin, insertion, candidates), count)
+    candidates = [area.samples.dense(CANDIDATES * max(count, COARSE)) for area in (origin, insertion)]
+    areas = zip(
+        (origin, insertion), even_positions(_taken(origin, insertion, candidates), count), strict=True
+    )
+    starts, ends = (area.samples.onto(positions) for area, positions in areas)
     ends = ends[matched_ends(starts, ends)]
     t = np.linspace(0.0, 1.0, resolution + 1)[:, None]
     return (1.0 - t) * starts[:, None] + t * ends[:, None]
@@ -83,7 +81,7 @@ def _taken(origin: EndSurface, insertion: EndSurface, candidates: Sequence[Float
     areas = origin, insertion
     if not all(area.takes[0] > 0.0 and len(area.samples.faces) for area in areas):
         return candidates
-    coarse = [area.candidates(CANDIDATES * COARSE) for area in areas]
+    coarse = [area.samples.dense(CANDIDATES * COARSE) for area in areas]
     starts, ends = even_positions(coarse, COARSE)
     ends = ends[matched_ends(starts, ends)]
     directions = unit_vectors(ends - starts)
@@ -166,19 +164,19 @@ FLAT = 0.01
 
 
 def even_positions(areas: Sequence[Floats], count: int) -> list[Floats]:
-    """Return positions of equal shares of areas. Positions (count, 3) on each of one or two areas.
+    """Return middles of equal shares of areas. For each of one or two areas, (count, 3).
 
-    An area is given by positions (m, 3) of even density, m >= count, from which results are taken. Two areas
-    are halved across their longest common axis, each half again, down to `count` parts, which a few passes of
-    Lloyd's relaxation make round. The axis is turned to each area by half of the optimal map between their
-    normal distributions. So similar areas have similar positions, whichever area is first.
+    An area is given by positions (m, 3) of even density, m >= count; middles are a little off a curved area.
+    Two areas are halved across their longest common axis, each half again, down to `count` parts, which a few
+    passes of Lloyd's relaxation make round. The axis is turned to each area by half of the optimal map
+    between their normal distributions. So similar areas have similar positions, whichever area is first.
     """
     positions = []
     for area, part in zip(areas, halved(areas, count), strict=True):
         centres = part_means(area, part, count)
         for _ in range(RELAXATIONS):
             centres = part_means(area, cKDTree(centres).query(area)[1], count, centres)
-        positions.append(area[cKDTree(area).query(centres)[1]])
+        positions.append(centres)
     return positions
 
 

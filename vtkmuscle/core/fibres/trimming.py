@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from vtkmuscle.core.fibres.between_areas import AT_ONCE
+from vtkmuscle.core.fibres.between_areas import AT_ONCE, CANDIDATES, even_positions
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh import polylines
 from vtkmuscle.core.mesh.normals import angles_between
@@ -139,7 +139,8 @@ def _new_ends(
             continue
         # Part of the area lies behind the departures if the limit shortened the cut.
         height = float((departures[0, fibres] @ direction).min())
-        free = area.samples.even(len(members), direction=direction, above=height, seed=batch)
+        candidates = area.samples.above(CANDIDATES * len(members), direction, height, seed=batch)
+        free = area.samples.onto(even_positions([candidates], len(members))[0])
         if kept[members].any():
             taken = np.unique(cKDTree(free).query(ends[members[kept[members]]])[1])
             free = np.delete(free, taken[: len(free) - len(fibres)], axis=0)

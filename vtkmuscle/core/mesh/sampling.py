@@ -4,7 +4,6 @@ from collections.abc import Callable
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.normals import triangle_normals
@@ -25,24 +24,6 @@ UNEVEN = 1e-3
 #: (Roberts 2018, *The unreasonable effectiveness of quasirandom sequences*). As a direction they are generic:
 #: a triangle's corners have different heights.
 GENERIC = 1.324717957244746 ** -np.arange(3.0)
-
-
-def even_samples(candidates: Floats, count: int) -> Floats:
-    """Return evenly spread candidates, (count, 3).
-
-    The farthest of the candidates (n, 3), n >= 1, is taken repeatedly. Then each sample moves to the centre
-    of its cell a few times (Lloyd's relaxation), and to the nearest candidate: to the first of equally near
-    ones, as the two of a cell. Too few candidates repeat.
-    """
-    middle = int(((candidates - candidates.mean(axis=0)) ** 2).sum(axis=1).argmin())
-    samples = candidates[farthest(candidates, min(count, len(candidates)), middle)]
-    tree = cKDTree(candidates)
-    for _ in range(4):
-        cell = cKDTree(samples).query(candidates)[1]
-        apart, nearest = tree.query(part_means(candidates, cell, len(samples), samples), 2)
-        tied = apart[:, 1] <= (1.0 + SAME) * apart[:, 0]
-        samples = candidates[np.where(tied, nearest.min(axis=1), nearest[:, 0])]
-    return samples[np.arange(count) % len(samples)]
 
 
 def part_means(values: Floats, part: Ints, count: int, default: Floats | None = None) -> Floats:
@@ -108,30 +89,35 @@ class PatchSamples:
         """Return distances (k,) of positions (k, 3) from the patch."""
         return self.tree.nearest(positions)[2]
 
+    def onto(self, positions: Floats) -> Floats:
+        """Return the nearest points of the patch. Positions are (k, 3)."""
+        return self.tree.nearest(positions)[1]
+
     def dense(self, count: int, *, seed: int = 0) -> Floats:
-        """Return at least `count` positions of even density, (k, 3). A seed selects a set."""
+        """Return positions of even density. At least `count`, (k, 3): points repeat. A seed selects a set."""
         exponent = int(np.ceil(np.log2(count)))
         key = exponent, seed
         if key not in self._dense:
             self._dense[key] = self._sampled(sobol(2**exponent, 3, first=seed * 2**exponent))
         return self._dense[key]
 
-    def even(self, count: int, *, direction: Floats, above: float, seed: int = 0) -> Floats:
-        """Return positions (count, 3) above a height along a direction.
+    def above(self, count: int, direction: Floats, height: float, *, seed: int = 0) -> Floats:
+        """Return positions above a height along a direction.
 
-        If at most a hundredth is above the height, positions are spread over the whole patch.
+        About `count` or more, (k, 3), are of even density. If at most a hundredth of the patch is above the
+        height, positions are spread over the whole patch.
         """
-        candidates = self.dense(16 * count, seed=seed)
-        share = float((candidates @ direction > above).mean())
+        positions = self.dense(count, seed=seed)
+        share = float((positions @ direction > height).mean())
         if 0.01 < share < 1.0:
-            candidates = self.dense(int(np.ceil(16 * count / share)), seed=seed)
-            candidates = candidates[candidates @ direction > above]
-        return even_samples(candidates, count)
+            positions = self.dense(int(np.ceil(count / share)), seed=seed)
+            positions = positions[positions @ direction > height]
+        return positions
 
     def _sampled(self, u: Floats) -> Floats:
         """Return the positions of numbers (k, 3) in [0, 1)."""
         if self._parts.shape[1] == 1:
-            return self.points[self._parts[:, 0]]
+            return np.resize(self.points[self._parts[:, 0]], (len(u), 3))
         bounds = np.cumsum(self._sizes)
         # Without the offset, fractions of a power of two fall on bounds of equal parts: rounding decides.
         chosen = np.searchsorted(bounds, (u[:, 0] + ROUNDING) * bounds[-1], side="right")
