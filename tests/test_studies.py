@@ -177,6 +177,7 @@ def test_settings_of_the_paths_are_varied(scene):
         (lambda scene: scene.run(workers=2.5), r"workers is 2\.5, but must be an integer"),
         (lambda scene: vtkmuscle.compare({"a": "none", "b": "none"}), "none: there is no such folder"),
         (lambda scene: scene.run(progress=True), "progress is True, not a function"),
+        (lambda scene: scene.run(figures="no"), "figures is 'no', but must be True or False"),
         (lambda scene: vtkmuscle.compare(scene.run(frames="0:1")), "no muscle is in two of the runs"),
         (vtkmuscle.vary, "no setting is varied"),
         (lambda scene: vtkmuscle.vary(scene, frames=99, n_fibres=3), "frames 99: the motion has"),

@@ -327,22 +327,28 @@ def _roles_name(file: Path) -> str:
     return "_".join(re.findall(r"[a-z0-9]+", _stem(file).casefold()))
 
 
+def named_area(file: Path, muscles: Sequence[str]) -> tuple[str, str, str]:
+    """Return the muscle and role in the name of a file of landmarks, and what follows, such as a bone."""
+    match = _AREA.match(_roles_name(file))
+    names = (plain_name(match[1]), f"{plain_name(match[1])}_{side_of(match[3] or '')}") if match else ()
+    muscle = next((name for name in names if name in muscles), "")
+    if match is None or not muscle:
+        remedy = f"rename it MUSCLE_origin or MUSCLE_insertion, of {', '.join(muscles) or 'none'}"
+        raise InputError(file, "the file name has no known muscle and role", remedy)
+    return muscle, match[2], match[3] or ""
+
+
 def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) -> None:
     """Add landmarks to a draft by file names: muscle, role, and possibly the bone after the role."""
     for file in files:
-        match, there = _AREA.match(_roles_name(file)), (*draft.muscles, *draft.left_out)
-        names = (plain_name(match[1]), f"{plain_name(match[1])}_{side_of(match[3] or '')}") if match else ()
-        muscle = next((name for name in names if name in there), "")
+        muscle, role, further_name = named_area(file, [*draft.muscles, *draft.left_out])
         if muscle in draft.left_out:
             continue
-        if match is None or not muscle:
-            remedy = f"rename it MUSCLE_origin or MUSCLE_insertion, of {', '.join(draft.muscles) or 'none'}"
-            raise InputError(file, "the file name has no known muscle and role", remedy)
-        key, role = f"muscles.{muscle}.attachments", match[2]
+        key = f"muscles.{muscle}.attachments"
         points, closed = read_landmarks(file, frame=draft.frame)
         points = scale * points
         sure = None
-        named = [bone for bone in draft.bones if match[3] and bone in plain_name(match[3])]
+        named = [bone for bone in draft.bones if further_name and bone in plain_name(further_name)]
         bones = draft.candidate_bones(muscle).items()
         away = {name: solids_of(*checked_surface(bone, name)).distances(points) for name, bone in bones}
         gaps = {name: float(np.abs(distances).mean()) for name, distances in away.items()}

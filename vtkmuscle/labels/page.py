@@ -29,7 +29,7 @@ from vtkmuscle.data.label_images import EVEN, Label, LabelField, labels_in
 from vtkmuscle.filters.attachment_estimator import NEAR
 from vtkmuscle.filters.label_surfaces import SMOOTHING, LabelSurfaces
 from vtkmuscle.io.writing import Outputs
-from vtkmuscle.labels.draft import Draft, add_landmarks, draft_of_files, scale_of
+from vtkmuscle.labels.draft import Draft, add_landmarks, draft_of_files, named_area, scale_of
 from vtkmuscle.labels.guesses import LEFT_OUT, LOOK, table_of
 from vtkmuscle.labels.reading import kind_of, read_labels
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
@@ -261,10 +261,12 @@ def draft_of_labels(
     structure. FileNotFoundError or ValueError if a file cannot be read, or has no bones and muscles.
     """
     draft = Draft(Path(path).name.partition(".")[0], frame=frame)
-    for file in landmarks:  # before the surfaces take their time
-        check_is_file(file)
     labels: dict[str, Label] = {}
     images = [(image, labels_in(image, str(path))) for image in read_labels(path, names=names, frame=frame)]
+    muscles = [plain_name(name) for _, by_name in images for name in by_name if kind_of(name) == "muscle"]
+    for file in landmarks:  # before the surfaces take their time
+        check_is_file(file)
+        named_area(file, muscles)
     frames = [label.frame[:3, :3] for _, by_name in images for label in by_name.values()]
     voxel = float(min(abs(np.linalg.det(axes)) for axes in frames) ** (1 / 3))
     edge = min(LabelSurfaces().edge, EDGE_VOXELS * voxel) if edge is None else edge

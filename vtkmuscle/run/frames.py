@@ -73,6 +73,9 @@ class RunOptions:
     def __post_init__(self) -> None:
         if self.workers is not None and (not hasattr(self.workers, "__index__") or self.workers < 1):
             raise InputError("", f"workers is {self.workers!r}, but must be an integer >= 1")
+        for name in ("figures", "report", "overwrite", "fresh", "sense"):
+            if (value := getattr(self, name)) not in (True, False):
+                raise InputError("", f"{name} is {value!r}, but must be True or False")
         if self.progress is not None and not callable(self.progress):
             raise InputError("", f"progress is {self.progress!r}, not a function of muscle, stage, fraction")
 
