@@ -93,11 +93,11 @@ def test_mean_arms_of_carried_fibres_are_of_all_and_those_known():
 @pytest.mark.realdata
 @pytest.mark.slow
 @pytest.mark.gap(
-    "error of the mean moment arm with 25 of 100 paths solved, gluteus maximus", "1.73 mm", "0.65 mm"
+    "error of the mean moment arm with 25 of 100 paths solved, gluteus maximus", "1.40 mm", "0.65 mm"
 )
 @pytest.mark.parametrize(
     ("name", "bound"),
-    [("gluteus_maximus", 1.8), ("gluteus_medius", 0.65), ("iliacus", 0.65), ("adductor_brevis", 0.65)],
+    [("gluteus_maximus", 1.5), ("gluteus_medius", 0.65), ("iliacus", 0.65), ("adductor_brevis", 0.65)],
 )
 def test_mean_arms_of_a_real_muscle_are_about_those_of_all_paths(lhdl_hip, name, bound):
     """Interpolation alone errs by about 0.1 mm (gluteus maximus); the coarser sheet makes the rest."""
