@@ -181,3 +181,5 @@ def test_surfaces_and_volumes_are_written_without_a_joint(tmp_path, monkeypatch)
         draft_of(image, monkeypatch, edge=0.0)
     with pytest.raises(FileNotFoundError, match=r"lost_origin\.csv"):  # before the fault above is seen
         draft_of(image, monkeypatch, landmarks=[tmp_path / "lost_origin.csv"])
+    with pytest.raises(ValueError, match=r"volumes\.csv: the file name has no known muscle and role"):
+        draft_of(image, monkeypatch, landmarks=[tmp_path / "volumes.csv"])

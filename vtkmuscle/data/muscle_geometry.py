@@ -171,7 +171,7 @@ FARTHEST = 0.05
 #: Largest part of a muscle's surface that an aponeurosis may cover: the two sides of a sheet have half each.
 COVERS = 0.6
 #: Distance of positions on a surface, in mean edges: the mesh's own roughness. 0.1 and 0.5 move the points of
-#: fibres in ten muscles of a hip and a knee by at most 0.8 mm (root mean square).
+#: fibres in ten muscles of a hip and a knee by at most 1.2 mm (root mean square).
 ROUGHNESS = 0.25
 #: Sample positions on a surface: standard error of a share of 5 % is 1 %.
 SAMPLES = 512

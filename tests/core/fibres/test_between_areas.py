@@ -79,9 +79,9 @@ def test_what_fibres_of_one_cross_section_do_not_reach_stays_bare(turned):
     ways = fibres[:, 1] - fibres[:, 0]
     angles = np.degrees(np.arccos(ways @ [0.8, 0, 0.6] / np.linalg.norm(ways, axis=1)))
     assert np.percentile(angles, 95) < 6.0  # of equal shares of both: 23
-    # Fibres from 0 to 40 mm, and from 16 to 56.
+    # Of even fibres from 0 to 40 mm, and from 16 to 56.
     assert np.abs(np.percentile(fibres[:, 0, 0], [2, 98]) - [0.8, 39.2]).max() < 2.5
-    assert np.abs(np.percentile(fibres[:, 1, 0], [2, 98]) - [16.8, 55.2]).max() < 2.0
+    assert np.abs(np.percentile(fibres[:, 1, 0], [2, 98]) - [16.8, 55.2]).max() < 1.2
 
 
 @pytest.mark.parametrize("takes", [[(0.0, np.inf)] * 2, [(1.0, 1.0), (1.0, 2.0)]])

@@ -58,20 +58,19 @@ def smooth_about_course(points: Floats, offsets: Ints, k: float, passes: int) ->
 
 
 #: Stations along a fibre that are moved; points between stations follow. For ten muscles of a hip and a knee
-#: 8 and 32 move the points of fibres by 0.4 to 2 mm (root mean square), 32 with turns larger by up to 26
-#: degrees.
+#: 8 and 32 move the points of fibres by 0.4 to 2 mm (root mean square).
 STATIONS = 16
 #: Fewest smoothing passes of the steps along a fibre. Cells wider than the distance of stations need more, or
-#: fibres meander: without passes turns in the ten muscles are larger by 6 to 217 degrees, with 12 they change
-#: by at most 6.
+#: fibres meander: without passes turns in the ten muscles are larger by up to 46 degrees, with 12 they change
+#: by at most 3.
 LEAST_BLUR = 6
-#: Most pieces of the line between two stations: 4 move the points of fibres by up to 1.7 mm, 16 by up to 0.8.
+#: Most pieces of the line between two stations: 4 move the points of fibres by up to 1.5 mm, 16 by up to 0.8.
 PIECES = 8
 #: Overlap of cells: a node shares a sample if its squared distance exceeds the least by less than this part
-#: of the squared fibre spacing (a twentieth of the spacing each way). 0 and 0.2 move points by 0.2 to 0.7 mm.
+#: of the squared fibre spacing (a twentieth of the spacing each way). 0 and 0.2 move points by 0.2 to 0.6 mm.
 OVERLAP = 0.1
 #: Part of a fibre along which points follow its end: less leaves hooks, more leaves bare flanks. With 0 turns
-#: are larger by up to 10 degrees, with 0.22 the bare part by up to 0.5 %.
+#: are larger by up to 9 degrees, with 0.22 by up to 6.
 REACH = 0.11
 #: Most cells of the grid along a side: 270 MB of numbers. The ten muscles need fewer.
 FINEST = 256
