@@ -138,6 +138,10 @@ def test_published_ranges_are_drawn_without_being_asked_for():
     assert (band.arms[0], band.upper[0]) == (-flexion.high, -flexion.low)
     assert (band.label, *band.angles) == (f"{flexion.source}, range", -20.0, 0.0)
     assert result.literature == {"spindle": ()}
+    other = replace(scene, muscles=muscles, deformer="none").run(figures=False)
+    left = [one.report["muscles"]["spindle"]["verdict"]["not_checked"] for one in (result, other)]
+    assert "published arms" not in left[0]
+    assert "by distal_angle" in left[1]["published arms"]
 
 
 def test_the_literature_is_drawn_where_its_coordinate_is_that_of_the_motion(result):

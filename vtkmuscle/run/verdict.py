@@ -11,9 +11,9 @@ from vtkmuscle.core.moment_arms.levers import distances_moved, even_stretches, l
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.data import toml_table
-from vtkmuscle.data.anatomy import PERSONAL, published, published_arm
+from vtkmuscle.data.anatomy import PERSONAL, Published, published, published_arm
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.scene.data import SceneData, SceneError
@@ -220,9 +220,31 @@ def _concerns(key: str, muscle: Judged) -> bool:
 
 
 def missing_checks(muscle: Judged) -> dict[str, str]:
-    """Return the checks without published numbers, and why."""
+    """Return the checks of moment arms, and with published numbers, that were omitted, and why."""
+    of_arms = "published arms", "arm and length", "arm and slope"
+    missing = {} if muscle.arms else dict.fromkeys(of_arms, "there are no moment arms")
+    if by := [name for name, arms in muscle.arms.items() if _published_arm(muscle, arms) is None]:
+        missing["published arms"] = (
+            f"no moment arms of the muscle by {', '.join(by)} are published in these poses; "
+            "coordinates match by joint and direction, as knee_flexion"
+        )
+    if "architecture" not in muscle.track.report:
+        missing["fascicles"] = "the architecture was not computed"
+    if published(muscle.anatomical):
+        return missing
     why = 'no published muscle has the name; if it has another name there, write muscle = "THAT NAME"'
-    return {} if published(muscle.anatomical) else {"published arms": why, "fascicles": why}
+    return missing | {"published arms": why, "fascicles": why}
+
+
+def _published_arm(muscle: Judged, arms: JointArms) -> Published | None:
+    """Return the published moment arms of a muscle in some of the poses, None without such."""
+    arm = published_arm(muscle.anatomical, arms.coordinate, arms.positive) if arms.unit in ANGLES else None
+    return arm if arm and _within(arm, arms).any() else None
+
+
+def _within(arm: Published, arms: JointArms) -> Bools:
+    """Return whether each pose has a mean moment arm, and is one of the published poses."""
+    return (arms.angles >= arm.values[0]) & (arms.angles <= arm.values[1]) & np.isfinite(arms.mean)
 
 
 def _look(
@@ -286,16 +308,12 @@ def _arms(muscle: Judged, arms: JointArms) -> Iterator[Reason]:
         says += f"{arms.mean_slope[worst]:.3g} mm by the change of the lengths"
         do = "check that the coordinate and the motion of the bones are of the same joint"
         yield _look(muscle, "arm and slope", (off[worst], allowed[worst], "mm"), says, do, frames[worst])
-    arm = published_arm(muscle.anatomical, arms.coordinate, arms.positive)
-    length = published(muscle.anatomical, "path_length")
+    arm, length = _published_arm(muscle, arms), published(muscle.anatomical, "path_length")
     if arm is None or length is None:
         return
     size = muscle.path / np.array([length.high * PERSONAL, length.low / PERSONAL])
     low, high = ((arm.low - MARGIN) * size).min(), ((arm.high + MARGIN) * size).max()
-    within = (arms.angles >= arm.values[0]) & (arms.angles <= arm.values[1]) & np.isfinite(mean)
-    if not within.any():
-        return
-    own = np.where(within, mean, np.nan)
+    own = np.where(_within(arm, arms), mean, np.nan)
     worst, sweep = int(np.nanargmax(np.maximum(low - own, own - high))), float(np.nanmean(own))
     certain = arm.low * arm.high > 0.0 and max(abs(arm.low), abs(arm.high)) > MARGIN
     opposite = certain and sweep * arm.low < 0.0
