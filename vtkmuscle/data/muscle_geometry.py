@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.attachments.patches import attachment_patch, discs_over
+from vtkmuscle.core.attachments.patches import Patch, attachment_patch, discs_over
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fibres.between_areas import EndSurface
 from vtkmuscle.core.mesh import surface as surfaces
 from vtkmuscle.core.mesh.normals import triangle_normals
-from vtkmuscle.core.mesh.sampling import PatchSamples, samples_inside
+from vtkmuscle.core.mesh.sampling import Band, PatchSamples, samples_inside
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import Solids, open_edges, solids_of
 from vtkmuscle.core.mesh.surface import extent
@@ -62,22 +62,27 @@ class MuscleGeometry:
         """Inside of the surface, and distances to the surface."""
         return solids_of(self.points, self.triangles)
 
-    def patch(self, area: AttachmentArea) -> Ints:
-        """Return the point ids of an attachment area; ValueError off the surface."""
+    def patch(self, area: AttachmentArea) -> Patch:
+        """Return an attachment area; ValueError off the surface."""
         surface, ring = (self.points, self.triangles), (area.landmarks, area.closed)
         return self.once("patch", ring, lambda: attachment_patch(*surface, *ring))
 
     def attached(self, areas: Sequence[AttachmentArea], role: str) -> Ints:
         """Return the point ids of all areas of a role, ascending."""
+        return np.unique(np.concatenate([patch.points for patch in self._patches(areas, role)]))
+
+    def covered(self, areas: Sequence[AttachmentArea], role: str) -> PatchSamples:
+        """Return the surface of all areas of a role."""
+        patches = self._patches(areas, role)
+        key = [part for patch in patches for part in patch]
+        return self.once("covered", key, lambda: samples_of(self.points, self.triangles, patches))
+
+    def _patches(self, areas: Sequence[AttachmentArea], role: str) -> list[Patch]:
         patches = []
         for number, area in enumerate(areas_of_role(areas, role)):
             with errors_at(f"attachments: {role} area {number}"):
                 patches.append(self.patch(area))
-        return np.unique(np.concatenate(patches))
-
-    def on(self, patch: Ints) -> PatchSamples:
-        """Return the surface between points (j,)."""
-        return self.once("on", (patch,), lambda: PatchSamples(self.points, self.triangles, patch))
+        return patches
 
     def once(self, what: str, inputs: Sequence[Any], compute: Callable[[], T]) -> T:
         """Return a result, computed once for inputs of equal content. Results used last are kept."""
@@ -224,7 +229,7 @@ def joined_surface(
     shapes: Sequence[Shape], geometry: MuscleGeometry, where: str, takes: tuple[float, float] = (0.0, np.inf)
 ) -> EndSurface:
     """Return areas and separate surfaces as one end surface. `takes` is a range on the muscle's surface."""
-    patches: list[Ints] = []
+    patches: list[Patch] = []
     points, triangles, first = [geometry.points], [geometry.triangles], len(geometry.points)
     for number, shape in enumerate(shapes):
         with errors_at(f"{where} {number}"):
@@ -235,12 +240,22 @@ def joined_surface(
                 continue
         points.append(inner[0])
         triangles.append(inner[1] + first)
-        patches.append(first + np.arange(len(inner[0])))
+        patches.append(Patch(first + np.arange(len(inner[0])), np.empty((0, 3), dtype=np.int64)))
         first += len(inner[0])
-    patch = np.unique(np.concatenate(patches))
-    alone = len(points) == 1
-    samples = geometry.on(patch) if alone else PatchSamples(np.vstack(points), np.vstack(triangles), patch)
-    return EndSurface(samples, (takes[0], takes[1] if alone else 2.0 * takes[1]))
+    samples = samples_of(np.vstack(points), np.vstack(triangles), patches)
+    return EndSurface(samples, (takes[0], takes[1] if len(points) == 1 else 2.0 * takes[1]))
+
+
+def samples_of(points: Floats, triangles: Ints, patches: Sequence[Patch]) -> PatchSamples:
+    """Return attachment areas as one surface."""
+    curved = [patch for patch in patches if len(patch.segments)]
+    whole = [patch.points for patch in patches if not len(patch.segments)]
+    band = None
+    if curved:
+        curves = triangle_tree(points, np.vstack([patch.segments for patch in curved]))
+        near = np.unique(np.concatenate([patch.points for patch in curved]))
+        band = Band(near, curves, max(patch.within for patch in curved))
+    return PatchSamples(points, triangles, np.concatenate([np.empty(0, dtype=np.int64), *whole]), band)
 
 
 def _within(area: AttachmentArea, geometry: MuscleGeometry) -> tuple[Floats, Ints] | None:
@@ -251,7 +266,7 @@ def _within(area: AttachmentArea, geometry: MuscleGeometry) -> tuple[Floats, Int
     share = np.linspace(0.0, 1.0, 8, endpoint=False)[:, None, None]
     around = (1.0 - share) * ring + share * np.roll(ring, -1, axis=0)
     inside = (geometry.solids.depth(around.reshape(-1, 3)) > geometry.mean_edge).mean() > surfaces.NOISE
-    patch = geometry.on(geometry.patch(area)).area
+    patch = samples_of(geometry.points, geometry.triangles, [geometry.patch(area)]).area
     return disc if inside or patch > BULGE * _area(*disc) > 0.0 else None
 
 

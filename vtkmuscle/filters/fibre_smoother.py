@@ -118,7 +118,7 @@ class FibreSmoother(Filter):
             spreading = SPREADING if led or field_string(lines.data, "Template") == "parallel" else 0.0
         areas: list[PatchSamples | None] = [None, None]
         if attachments is not None:
-            areas = [geometry.on(geometry.attached(attachments, role)) for role in ROLES]
+            areas = [geometry.covered(attachments, role) for role in ROLES]
         ends, inner = (lines.offsets[:-1], lines.offsets[1:] - 1), inner_points(lines.offsets)
         count = max(SAMPLES * len(lines), LEAST_SAMPLES) if spreading and self.smoothing_passes else 0
         samples, surface = geometry.samples(count), (geometry.points, geometry.triangles)
@@ -134,7 +134,7 @@ class FibreSmoother(Filter):
                     if area is None:
                         goals[end] = points[end]
                     else:
-                        move_ends(goals, end, other, area.tree.nearest(goals[end])[1])
+                        move_ends(goals, end, other, area.onto(goals[end]))
                 points = goals
             points[inner] = geometry.solids.into(points[inner])
             self.report_progress((done + 1) / self.smoothing_passes)

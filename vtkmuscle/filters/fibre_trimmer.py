@@ -112,7 +112,7 @@ class FibreTrimmer(Filter):
 
 def _end_area(role: str, areas: Areas, geometry: MuscleGeometry, ends: Floats) -> EndArea:
     """Return a role's area for fibre ends (k, 3)."""
-    covered = geometry.on(geometry.attached(areas, role))
+    covered = geometry.covered(areas, role)
     role_areas = [area for area in areas if area.role == role]
     rings = [part for area in role_areas for part in (area.landmarks, area.closed)]
     inner, outer = geometry.once("discs", rings, lambda: _discs_of(role_areas, geometry))

@@ -134,7 +134,8 @@ class FixedPointDetector(Filter):
                 landmarks, to_bone = (area.landmarks, area.closed), solids_of(*surface).distances
                 mesh = muscle.points, muscle.triangles
                 patch = attachment_patch(*mesh, *landmarks, tolerance=self.distance, bone_distance=to_bone)
-            yield names.index(area.bone), patch, cKDTree(area.landmarks).query(muscle.points[patch])[0]
+            ids, near = patch.points, cKDTree(area.landmarks)
+            yield names.index(area.bone), ids, near.query(muscle.points[ids])[0]
             self.report_progress((number + 1) / len(areas))
 
     def _by_distance(self, muscle: Surface, bones: Bones) -> Iterator[Claim]:

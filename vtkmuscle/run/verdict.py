@@ -220,7 +220,7 @@ def _concerns(key: str, muscle: Judged) -> bool:
 
 
 def missing_checks(muscle: Judged) -> dict[str, str]:
-    """Return the checks of moment arms, and with published numbers, that were omitted, and why."""
+    """Return omitted checks of moment arms, and why."""
     of_arms = "published arms", "arm and length", "arm and slope"
     missing = {} if muscle.arms else dict.fromkeys(of_arms, "there are no moment arms")
     if by := [name for name, arms in muscle.arms.items() if _published_arm(muscle, arms) is None]:
@@ -237,13 +237,13 @@ def missing_checks(muscle: Judged) -> dict[str, str]:
 
 
 def _published_arm(muscle: Judged, arms: JointArms) -> Published | None:
-    """Return the published moment arms of a muscle in some of the poses, None without such."""
+    """Return a muscle's published moment arms. None if there are none in the poses."""
     arm = published_arm(muscle.anatomical, arms.coordinate, arms.positive) if arms.unit in ANGLES else None
     return arm if arm and _within(arm, arms).any() else None
 
 
 def _within(arm: Published, arms: JointArms) -> Bools:
-    """Return whether each pose has a mean moment arm, and is one of the published poses."""
+    """Return which poses are among the published ones."""
     return (arms.angles >= arm.values[0]) & (arms.angles <= arm.values[1]) & np.isfinite(arms.mean)
 
 

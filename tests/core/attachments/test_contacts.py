@@ -154,7 +154,7 @@ def test_islands_that_an_edge_joins_are_in_one_ring():
     patch = np.flatnonzero(bands & (np.abs(Y - 6) <= 2) | (Y == 6) & (X >= 20) & (X <= 28))
     ring, closed = outline(*STRIP, patch)
     assert closed
-    np.testing.assert_array_equal(attachment_patch(*STRIP, ring, closed), patch)
+    np.testing.assert_array_equal(attachment_patch(*STRIP, ring, closed).points, patch)
 
 
 def test_the_ring_gives_back_the_patch_but_for_its_holes():
@@ -162,5 +162,5 @@ def test_the_ring_gives_back_the_patch_but_for_its_holes():
     hole, whole = (X == 20) & (Y == 6), (X >= 10) & (X <= 30) & (Y >= 2)
     ring, closed = outline(*STRIP, np.flatnonzero(whole & ~hole))
     for bone in (None, lambda places: 5.0 + places[:, 2], lambda places: 5.0 - places[:, 2]):
-        patch = attachment_patch(*STRIP, ring, closed, bone_distance=bone)
+        patch = attachment_patch(*STRIP, ring, closed, bone_distance=bone).points
         np.testing.assert_array_equal(patch, np.flatnonzero(whole))

@@ -44,14 +44,14 @@ def is_cap(patch, polar):
 
 @pytest.mark.parametrize("polar", [15.0, 40.0, 75.0])
 def test_a_ring_gives_the_cap_that_it_encloses_and_has_equal_sides(polar):
-    assert is_cap(attachment_patch(*BALL, latitude_ring(polar), True), polar)
+    assert is_cap(attachment_patch(*BALL, latitude_ring(polar), True).points, polar)
     assert np.ptp(ring_sides(latitude_ring(polar))) < 1e-12
 
 
 def test_a_ring_that_crosses_itself_keeps_all_its_loops():
     t = 2 * np.pi * np.arange(32) / 32
     eight = np.column_stack([12 * np.sin(t), 6 * np.sin(2 * t), np.full(32, RADIUS)])
-    patch = attachment_patch(*BALL, eight, True)
+    patch = attachment_patch(*BALL, eight, True).points
     chosen = np.zeros(len(BALL[0]), dtype=bool)
     chosen[patch] = True
     x, y, z = BALL[0].T
@@ -70,10 +70,10 @@ def test_the_bone_decides_between_sides_of_like_size():
     def above(positions):
         return RADIUS - positions[:, 2]
 
-    assert is_cap(attachment_patch(*BALL, ring, True, bone_distance=above), 95.0)
-    lower = attachment_patch(*BALL, ring, True, bone_distance=below)
+    assert is_cap(attachment_patch(*BALL, ring, True, bone_distance=above).points, 95.0)
+    lower = attachment_patch(*BALL, ring, True, bone_distance=below).points
     assert is_cap(np.setdiff1d(np.arange(len(BALL[0])), lower), 95.0 - np.degrees(EDGE / RADIUS))
-    np.testing.assert_array_equal(lower, attachment_patch(*BALL, ring, True))
+    np.testing.assert_array_equal(lower, attachment_patch(*BALL, ring, True).points)
 
 
 THICK = 6.0
@@ -109,10 +109,10 @@ def within_oval(patch):
 @pytest.mark.parametrize("height", [-10.0, -1.0, 2.0, 4.0, THICK, THICK + 4.0])
 def test_the_patch_is_on_the_side_of_the_bone_wherever_the_landmarks_are(height):
     """Landmarks in the muscle, or beyond it, are nearer to the face that looks away from the bone."""
-    assert within_oval(attachment_patch(*SLAB, oval(height), True, bone_distance=beneath))
+    assert within_oval(attachment_patch(*SLAB, oval(height), True, bone_distance=beneath).points)
     turned = SLAB[0], SLAB[1][:, ::-1]  # inside out
-    assert within_oval(attachment_patch(*turned, oval(height), True, bone_distance=beneath))
-    patch = attachment_patch(*SLAB, oval(height)[:8], False, tolerance=3.0, bone_distance=beneath)
+    assert within_oval(attachment_patch(*turned, oval(height), True, bone_distance=beneath).points)
+    patch = attachment_patch(*SLAB, oval(height)[:8], False, tolerance=3.0, bone_distance=beneath).points
     assert (SLAB[0][patch][:, 2] == 0.0).all()
 
 
@@ -131,7 +131,7 @@ def test_perturbed_rings_give_the_same_patch_up_to_the_perturbation(
     """Area of the patch within what the perturbation of the ring's radius allows; all on the bone's side."""
     ring = oval(off) + np.random.default_rng(seed).uniform(-jitter, jitter, (24, 3))
     ring = np.repeat(np.roll(ring, start, axis=0), repeated, axis=0)[:: -1 if backwards else 1]
-    patch = attachment_patch(*SLAB, ring, True, bone_distance=beneath)
+    patch = attachment_patch(*SLAB, ring, True, bone_distance=beneath).points
     x, y, z = SLAB[0][patch].T
     assert (z == 0.0).all()
     slack = 3.0 + jitter
@@ -144,11 +144,11 @@ def test_perturbed_rings_give_the_same_patch_up_to_the_perturbation(
 
 def test_an_open_curve_gives_the_points_within_the_tolerance():
     meridian = latitude_ring(90.0, n=24)[:7]  # a quarter of the equator
-    patch = attachment_patch(*BALL, meridian, False, tolerance=3.0)
+    patch = attachment_patch(*BALL, meridian, False, tolerance=3.0).points
     assert (np.abs(BALL[0][patch][:, 2]) <= 3.0 + EDGE).all()
     x, y, z = BALL[0].T
     assert np.isin(np.flatnonzero((np.abs(z) < 3.0 - EDGE) & (x > 0) & (y > 0)), patch).all()
-    wider = attachment_patch(*BALL, meridian, False, tolerance=6.0)
+    wider = attachment_patch(*BALL, meridian, False, tolerance=6.0).points
     assert np.isin(patch, wider).all()
     assert len(wider) > 1.5 * len(patch)
 
@@ -157,9 +157,9 @@ def test_an_open_curve_gives_the_points_within_the_tolerance():
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_points_and_landmarks_on_a_line_are_an_open_curve(closed, n):
     line = np.array([[0.0, 0.0, 23.0], [5.0, 0.0, 23.0], [10.0, 0.0, 23.0]])[:n]
-    patch = attachment_patch(*BALL, line, closed)
+    patch = attachment_patch(*BALL, line, closed).points
     assert len(patch)
-    np.testing.assert_array_equal(patch, attachment_patch(*BALL, line, False))
+    np.testing.assert_array_equal(patch, attachment_patch(*BALL, line, False).points)
     assert np.linalg.norm(BALL[0][patch][:, None] - BALL[0][None, patch], axis=2).max() < 13.0 + 2 * EDGE
 
 
@@ -173,7 +173,7 @@ def test_the_other_face_of_a_thin_muscle_is_left_alone():
     side = np.column_stack([rim[:-1], rim[1:], rim[:-1] + n * n])
     triangles = np.vstack([sheet, sheet[:, ::-1] + n * n, side])
     curve = np.array([[6.0, 10.0, -1.0], [14.0, 10.0, -1.0]])
-    patch = attachment_patch(points, triangles, curve, False, tolerance=2.0)
+    patch = attachment_patch(points, triangles, curve, False, tolerance=2.0).points
     assert len(patch) > 20
     assert (points[patch][:, 2] == 0.0).all()
 
@@ -183,8 +183,10 @@ def test_a_larger_distance_takes_landmarks_that_are_farther_away():
     ring = latitude_ring(40.0, radius=RADIUS + 15.0)
     with pytest.raises(ValueError, match=r"from the muscle"):
         attachment_patch(*BALL, ring, True)
-    patch = attachment_patch(*BALL, ring, True, tolerance=16.0)
-    np.testing.assert_array_equal(patch, attachment_patch(*BALL, latitude_ring(40.0), True, tolerance=16.0))
+    patch = attachment_patch(*BALL, ring, True, tolerance=16.0).points
+    np.testing.assert_array_equal(
+        patch, attachment_patch(*BALL, latitude_ring(40.0), True, tolerance=16.0).points
+    )
 
 
 def test_landmarks_on_unconnected_pieces_are_refused():

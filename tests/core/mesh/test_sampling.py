@@ -7,6 +7,8 @@ from scipy.stats import qmc
 from shapes import grid
 
 from vtkmuscle.core.mesh.sampling import PatchSamples, samples_inside, sobol, space_order
+from vtkmuscle.data.attachments import AttachmentArea
+from vtkmuscle.data.muscle_geometry import MuscleGeometry
 
 
 def sheet(size=8, spacing=5.0):
@@ -30,6 +32,21 @@ def test_dense_samples_are_of_even_density_whatever_the_triangles():
     samples = PatchSamples(points, triangles, np.arange(len(points))).dense(4000)
     counts = np.histogram2d(samples[:, 0], samples[:, 1], bins=[10, 4], range=[[0, 100], [0, 40]])[0]
     assert_allclose(counts / len(samples), 1 / 40, rtol=0.1)
+
+
+def test_the_area_of_a_curve_is_equally_wide_whatever_the_triangles():
+    points, triangles = sheet()
+    points[points[:, 0] > 15, 0] += 60
+    muscle, line = MuscleGeometry(points, triangles), np.array([[0.0, 20.0, 0.0], [100.0, 20.0, 0.0]])
+    area = AttachmentArea("origin", "bone", line, False)
+    within, covered = muscle.patch(area).within, muscle.covered([area], "origin")
+    samples = covered.dense(4000)
+    assert len(samples) >= 4000
+    assert np.abs(samples[:, 1] - 20.0).max() <= within < 20.0
+    assert_allclose(np.histogram(samples[:, 0], 10, (0.0, 100.0))[0] / len(samples), 0.1, rtol=0.1)
+    assert_allclose(samples.mean(axis=0), [50.0, 20.0, 0.0], atol=0.5)
+    assert covered.area == pytest.approx(200.0 * within, rel=0.02)
+    assert_allclose(covered.onto(np.array([[40.0, 39.0, 3.0]])), [[40.0, 20.0 + within, 0.0]])
 
 
 def test_points_without_a_common_triangle_are_sampled_along_edges_and_single_points_as_they_are():

@@ -6,6 +6,7 @@ Kohout, Kukacka 2014, doi:10.1111/cgf.12354.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -71,11 +72,23 @@ CLEAR_SHARE = 0.2
 FACING = 0.5
 
 
+class Patch(NamedTuple):
+    """Attachment area on a muscle.
+
+    Points (k,) are ascending. Segments (j, 3) are triangles without area, of point ids; an area enclosed by a ring has none. The area of
+    a curve is the surface within a distance of the segments [mm], also between points that are farther off.
+    """
+
+    points: Ints
+    segments: Ints
+    within: float = 0.0
+
+
 def attachment_patch(
     points: Floats, triangles: Ints, landmarks: Floats, closed: bool, *, tolerance: float | None = None,
     bone_distance: FloatMap | None = None,
-) -> Ints:  # fmt: skip
-    """Return the muscle's points in an attachment area, (k,), ascending.
+) -> Patch:  # fmt: skip
+    """Return an attachment area on a muscle.
 
     Landmarks are projected to the nearest points of the muscle, on the side that faces the bone if within
     reach, and geodesics along edges join neighbours. A ring cuts the surface: the patch is the cut-off parts
@@ -102,13 +115,13 @@ def attachment_patch(
     ring = closed and len(landmarks) > 2 and bool(spread[1] > SLIVER * spread[0])
     curve = geodesic_curve(points, edges, vertices, closed=ring)
     if ring and len(patch := _enclosed(points, triangles, curve, (edges, edge_of), bone_distance)):
-        return patch
+        return Patch(patch, np.empty((0, 3), dtype=np.int64))
     # Points connected with the curve: the opposite face may be as near.
     segments = np.column_stack([curve, np.append(curve[1:], curve[-1]), curve])  # triangles without area
     on_patch = triangle_tree(points, segments).nearest(points)[2] <= within
     on_patch[curve] = True
     labels = surfaces.point_components(len(points), edges[on_patch[edges].all(axis=1)])
-    return np.flatnonzero(on_patch & np.isin(labels, labels[curve])).astype(np.int64)
+    return Patch(np.flatnonzero(on_patch & np.isin(labels, labels[curve])), segments, within)
 
 
 def _nearest_vertices(
