@@ -14,14 +14,15 @@ from vtkmuscle.filters import FibreMetrics, FibreSource
 from vtkmuscle.pipelines import decompose
 
 PHANTOMS = [
+    *("spindle_over_hinge", "wrapping_cylinder", "lifting_strap", "flexor_over_brim"),
     *(
-        "spindle_over_hinge",
-        "wrapping_cylinder",
-        "lifting_strap",
-        "flexor_over_brim",
         "strap_over_two_joints",
+        "spindle_over_ball",
+        "slivered_tendon",
+        "tendon_through_ring",
+        "pennate_belly",
+        "pennate_block",
     ),
-    *("spindle_over_ball", "slivered_tendon", "tendon_through_ring", "pennate_belly", "pennate_block"),
     *("hip", "leg"),
 ]
 every_block = pytest.mark.parametrize("kind", KINDS)

@@ -121,13 +121,9 @@ def test_a_folder_without_a_finished_run_is_one_clear_error(scene, finished, tmp
         (lambda file: file.unlink(), "missing"),
         (lambda file: file.write_bytes(file.read_bytes()[:-9]), "is not what the run|damaged"),
     ):
-        kept_files = ("thin.json", "thin_fibres.vtp", "scene.json", "bones/lower.vtp")
-        for name in (
-            "thin.pvd",
-            "thin/thin_0001.vtp",
-            *(f"finished/{file}" for file in kept_files),
-            "report.json",
-        ):
+        finished = ("thin.json", "thin_fibres.vtp", "scene.json", "bones/lower.vtp")
+        kept_files = [f"finished/{file}" for file in finished]
+        for name in ("thin.pvd", "thin/thin_0001.vtp", *kept_files, "report.json"):
             kept = (out / name).read_bytes()
             damage(out / name)
             with pytest.raises(InputError, match=words if name != "report.json" else "report"):

@@ -75,6 +75,7 @@ def test_a_muscle_goes_rigidly_with_bones_that_move_together(make):
 
 
 CYLINDER, STRAP = ("wrapping_cylinder", {}, "pulley"), ("lifting_strap", {}, "distal")
+BALL = "spindle_over_ball", {}, "distal"
 RIDGE, GROOVE = (("flexor_over_brim", {"groove": depth}, "distal") for depth in (-5.0, 8.0))
 
 
@@ -83,13 +84,7 @@ RIDGE, GROOVE = (("flexor_over_brim", {"groove": depth}, "distal") for depth in 
 @pytest.mark.gap("distance between a fibre and its path, flexor over a groove", "0.82 mm", "0.2 mm")
 @pytest.mark.parametrize(
     ("make", "settings", "bone", "bound"),
-    [
-        ("spindle_over_ball", {}, "distal", 0.02),
-        (*STRAP, 0.2),
-        (*CYLINDER, 0.5),
-        (*RIDGE, 0.5),
-        (*GROOVE, 0.9),
-    ],
+    [(*BALL, 0.02), (*STRAP, 0.2), (*CYLINDER, 0.5), (*RIDGE, 0.5), (*GROOVE, 0.9)],
 )
 def test_fibres_inside_are_where_their_paths_are(make, settings, bone, bound):
     paths = known_paths(make, **settings)

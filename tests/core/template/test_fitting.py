@@ -63,13 +63,8 @@ def test_aponeuroses_lie_on_the_template_faces_that_are_nearest_to_them(flip):
     origin = rectangle((-w, -d, -length), (-w, d, 0)) @ turn
     insertion = rectangle((w, -d, 0), (w, d, length)) @ turn
     pennate = TEMPLATES["pennate"]
-    found = fit(
-        points,
-        origin,
-        insertion,
-        axis=np.array([0.0, 0, 1]),
-        areas=(pennate.areas(0)[0], pennate.areas(-1)[0]),
-    )
+    areas = pennate.areas(0)[0], pennate.areas(-1)[0]
+    found = fit(points, origin, insertion, axis=np.array([0.0, 0, 1]), areas=areas)
     across = found.transform[:3, 0] / np.linalg.norm(found.transform[:3, 0])
     assert np.allclose(across, [flip[0], 0, 0], atol=1e-9)
 

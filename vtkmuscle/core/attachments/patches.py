@@ -75,8 +75,10 @@ FACING = 0.5
 class Patch(NamedTuple):
     """Attachment area on a muscle.
 
-    Points (k,) are ascending. Segments (j, 3) are triangles without area, of point ids; an area enclosed by a ring has none. The area of
-    a curve is the surface within a distance of the segments [mm], also between points that are farther off.
+    A ring encloses points (k,), ascending. For a curve they are the points within the tolerance, segments
+    (j, 3) are the curve's, triangles without area, of point ids, and the area is the surface within a
+    distance of the segments [mm], through triangles of any size. The distance is half the tolerance: the
+    triangles between the points are as wide, on average.
     """
 
     points: Ints
@@ -121,7 +123,7 @@ def attachment_patch(
     on_patch = triangle_tree(points, segments).nearest(points)[2] <= within
     on_patch[curve] = True
     labels = surfaces.point_components(len(points), edges[on_patch[edges].all(axis=1)])
-    return Patch(np.flatnonzero(on_patch & np.isin(labels, labels[curve])), segments, within)
+    return Patch(np.flatnonzero(on_patch & np.isin(labels, labels[curve])), segments, 0.5 * within)
 
 
 def _nearest_vertices(

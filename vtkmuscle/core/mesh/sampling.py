@@ -64,10 +64,7 @@ def _choose(places: Floats, at: int, squares: Floats, chosen: Ints) -> None:
 
 
 class Band(NamedTuple):
-    """Surface within a distance of curves.
-
-    Parts of the triangles at points (j,), in [mm].
-    """
+    """Surface within a distance of curves [mm], of the triangles at points near (j,) the curves."""
 
     near: Ints
     curves: TriangleTree
@@ -81,9 +78,8 @@ class Band(NamedTuple):
 class PatchSamples:
     """Samples of a patch of a surface, and distances.
 
-    The patch is the triangles between some points, and a band.
-    Each set of samples is computed once. A patch (j,), j >= 1, without triangles is sampled along its edges,
-    a patch without edges at its points. With a band the patch may be empty.
+    The patch is the triangles between some points (j,), and a band; without triangles it is the edges between
+    the points, without edges the points. Each set of samples is computed once.
     """
 
     def __init__(self, points: Floats, triangles: Ints, patch: Ints, band: Band | None = None) -> None:
@@ -108,8 +104,8 @@ class PatchSamples:
     @cached_property
     def area(self) -> float:
         """Area of the patch [mm^2]."""
-        sizes = self._sizes if self._parts.shape[1] == 3 else np.zeros(1)
-        return float(sizes.sum()) / 2.0 * float(self._sampled(sobol(MEASURED, 3))[1].mean())
+        whole = 0.5 * float(self._sizes.sum()) if self._parts is self.faces else 0.0
+        return whole if self._band is None else whole * self._sampled(sobol(MEASURED, 3))[1].mean()
 
     @cached_property
     def tree(self) -> TriangleTree:
