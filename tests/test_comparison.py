@@ -69,6 +69,8 @@ def test_both_sides_of_one_run_are_two_runs():
     both.lengths |= other.lengths
     both.report["muscles"] |= other.report["muscles"]
     both.all_arms |= other.all_arms
+    both.motion.coordinates |= other.motion.coordinates
+    both.crosses = {name: arms.keys() for name, arms in both.all_arms.items()}
     table = vtkmuscle.compare({"walk": both}).table().where(quantity="moment arm, knee angle")
     assert list(table["run"]) == ["walk", "walk, vastus_l"]
     assert table["difference_largest"][1] == pytest.approx(0.2 * 60.0)
@@ -99,6 +101,30 @@ def test_runs_over_grids_are_compared_in_equal_poses():
     assert set(table["over"]) == {"poses of knee angle, hip angle"}
     assert table.where(run="same")["difference_rms"].tolist() == [0.0, 0.0]
     np.testing.assert_allclose(table.where(run="coarse")["difference"], 0.1 * 30.0)
+
+
+def over_held(step):
+    """Return a run over poses: a grid of the knee and of a single value of another coordinate."""
+    run = Made(angles=np.arange(0.0, 61.0, step))
+    run.times, run.time_label, arms = list(run.frames), "pose", run.all_arms[run.muscle]
+    run.motion.coordinates["slide"] = Coordinate(0.0 * run.angles, "mm")
+    arms["slide"] = replace(arms["knee_angle_r"], values=0.0 * run.angles)
+    return run
+
+
+def test_lengths_and_arms_of_a_held_coordinate_are_compared_over_the_moving_one():
+    table = vtkmuscle.compare({name: over_held(step) for name, step in (("one", 10), ("other", 5))}).table()
+    assert set(table["over"]) == {"knee angle [degrees]"}
+    np.testing.assert_allclose(table.where(run="other")["difference_rms"], 0.0, atol=1e-12)
+
+
+def test_translations_are_compared_in_millimetres():
+    millimetres, metres = over_grid(10.0), over_grid(10.0, 0.6)
+    for run, unit, scale in ((millimetres, "mm", 1.0), (metres, "m", 0.001)):
+        hip = scale * run.motion.coordinates["hip_angle_r"].values
+        run.motion.coordinates["hip_angle_r"] = Coordinate(hip, unit)
+    table = vtkmuscle.compare({"mm": millimetres, "m": metres}).table()
+    np.testing.assert_allclose(table.where(run="m")["difference"], 3.0)
 
 
 def test_a_muscle_without_a_frame_has_a_row():
