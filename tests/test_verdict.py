@@ -271,6 +271,8 @@ def test_uneven_rows_of_a_table_are_no_jump():
     curve, moved = (120.0 + 40.0 * np.sin(np.radians(angles)))[:, None], distances_moved(motion)
     jumps = [length_jumps(curve, at, even_stretches(motion)).max() for at in (motion.times, moved)]
     assert not even_stretches(motion).any()  # steps that halve or double
+    odd_times = np.cumsum([0.0, 1, 9, 1, 7, 2, 30, 0.1, 4, 50, 3, 8])
+    assert not even_stretches(replace(motion, times=odd_times)).any()
     assert 20.0 * jumps[1] < 0.8 < jumps[0]
     curve[6:] += 4.0
     assert int(length_jumps(curve, moved, even_stretches(motion)).argmax()) == 5
