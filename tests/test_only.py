@@ -109,6 +109,12 @@ def test_a_file_of_the_users_is_not_replaced(scene, what, tmp_path):
     assert file.read_text() != "mine"
 
 
+@pytest.mark.parametrize("what", ONLY)
+def test_mistakes_of_the_scene_are_told_as_by_a_run(scene, what):
+    with pytest.raises(InputError, match="units"):
+        run_only(replace(scene, units="m"), what, frames="0:1")
+
+
 def test_another_word_is_refused(scene):
     with pytest.raises(InputError, match=r"only is .volumes., but must be one of"):
         run_only(scene, "volumes")
