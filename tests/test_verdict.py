@@ -14,11 +14,12 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import MODEL, SHORTENED
 from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.core.moment_arms.levers import distances_moved, even_stretches, largest_turns, length_jumps
+from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import add_arrays, points_of, triangles_of, with_points
 from vtkmuscle.data.attachments import Aponeurosis
 from vtkmuscle.filters import PathDeformer
-from vtkmuscle.phantoms import spindle_over_hinge
+from vtkmuscle.phantoms import spindle_over_hinge, wrapping_cylinder
 from vtkmuscle.phantoms.one_hinge import INSERTION, ORIGIN, circle
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.measure import MuscleMeasure
@@ -247,6 +248,15 @@ def test_fibres_that_lengthen_otherwise_than_their_paths_are_told(deformer, fram
     result = replace(scene, muscles={"spindle": muscle}).run(frames=frames, figures=False, report=False)
     reasons = reasons_of(result.report["muscles"]["spindle"]["verdict"])
     assert [why.frame for why in reasons if why.check == "fibres and paths"] == [20] * (deformer == "pbd")
+
+
+def test_the_depth_of_chords_in_a_bone_is_no_difference_of_arm_and_slope():
+    """A strap round a cylinder, and a coordinate that moves nothing: its arms and their errors are 0."""
+    scene = Scene.from_phantom(wrapping_cylinder(angles=[0.0, 10.0, 20.0]), n_fibres=8)
+    held = {"held": Coordinate([0.0] * 3, twists={"pulley": np.zeros((3, 6))})}
+    motion = replace(scene.motion, coordinates=scene.motion.coordinates | held)
+    verdict = replace(scene, motion=motion, deformer="none").run().report["muscles"]["strap"]["verdict"]
+    assert [why.check for why in reasons_of(verdict)] == []
 
 
 # ------------------------------------------------------------------------------- jumps
