@@ -76,6 +76,20 @@ def test_both_sides_of_one_run_are_two_runs():
     assert table["difference_largest"][1] == pytest.approx(0.2 * 60.0)
 
 
+def test_a_muscle_with_arms_by_coordinates_of_both_sides_keeps_both():
+    right, left = Made(), Made(0.7, "vastus_left", "knee_angle_l")
+    for run, other in ((right, "knee_angle_l"), (left, "knee_angle_r")):
+        run.motion.coordinates[other] = Coordinate(ANGLES, "deg")
+        run.all_arms[run.muscle][other] = replace(
+            left.all_arms["vastus_left"]["knee_angle_l"], arms=ANGLES[:, None]
+        )
+    table = vtkmuscle.compare({"right": right, "left": left}).table().where(muscle="vastus")
+    sides = {f"moment arm, {side}knee angle" for side in ("", "left ", "right ")}
+    assert set(table["quantity"]) == {"length, bone to bone"} | sides
+    own = table.where(quantity="moment arm, knee angle", run="left")
+    assert own["difference_largest"][0] == pytest.approx(0.2 * 60.0)
+
+
 def test_lengths_over_different_coordinates_are_not_subtracted():
     runs = {"one": Made(), "other": Made(coordinate="hip_angle_r"), "third": Made(0.6)}
     table = vtkmuscle.compare(runs).table()

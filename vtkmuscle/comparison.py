@@ -1,6 +1,6 @@
 """Comparison of runs of other settings, sides or subjects, and of published moment arms."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -13,6 +13,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES, Coordinate
 from vtkmuscle.core.types import SAME, Floats, Ints
 from vtkmuscle.core.words import quoted
+from vtkmuscle.data.anatomy import side_of
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, literature_of, side_apart
 from vtkmuscle.run import Result, Table
 from vtkmuscle.run.result_data import UNNAMED
@@ -129,7 +130,7 @@ def compare(
     """Compare runs and published values.
 
     Runs may differ in settings, sides or subjects. Muscles and coordinates are matched by name, without the
-    side (``_r``, ``_l``); both sides of a single run count as two runs.
+    side (``_r``, ``_left``); both sides of a single run count as two runs.
 
     Parameters
     ----------
@@ -207,21 +208,23 @@ def muscle_curves(result: Result, muscle: str) -> list[Curve]:
     every, crossed, frames = result.motion.coordinates, result.crosses.get(muscle), np.asarray(result.frames)
     own = {name: q for name, q in every.items() if q.changes and (crossed is None or name in crossed)}
     times, poses = np.asarray(result.times, dtype=np.float64), None
-    axes = {name: _axis(name, q, frames) for name, q in every.items()}
+    arms = result.all_arms.get(muscle, {})
+    named = {name: _matched(name, muscle, own.keys() | arms) for name in every}
+    axes = {name: _axis(named[name], q, frames) for name, q in every.items()}
     over = result.time_label.removeprefix("right ").removeprefix("left ")
     steps = np.abs(np.diff([q.values for q in every.values() if q.changes])) > SAME
     if len(own) == 1 and len(set(np.sign(np.diff(axes[only := next(iter(own))][1])))) == 1:  # of a sweep
         over, times = axes[only]
     elif over in UNNAMED and own and len(steps) > 1 and (steps.sum(axis=0) <= 1).all():  # of a grid
-        over = f"poses of {', '.join(label_of(side_apart(name)) for name in own)}"
+        over = f"poses of {', '.join(label_of(named[name]) for name in own)}"
         times, poses = frames.astype(np.float64), np.column_stack([axes[name][1] for name in own])
     curves = []
     for quantity, lengths in ((_LENGTH, result.lengths), ("fibre length", result.fibre_lengths)):
         if count := len(lengths.get(muscle, ())):
             words, rows = (quantity, over, "mm"), lengths[muscle]
             curves.append(_curve(words, times[:count], rows, None if poses is None else poses[:count]))
-    for name, joint in result.all_arms.get(muscle, {}).items():
-        quantity, unit = f"moment arm, {label_of(side_apart(name))}", "mm" if joint.unit in ANGLES else "1"
+    for name, joint in arms.items():
+        quantity, unit = f"moment arm, {label_of(named[name])}", "mm" if joint.unit in ANGLES else "1"
         label, values = axes[name]
         if own.keys() <= {name} or (poses is None and (np.diff(joint.values) > 0.0).all()):
             curves.append(_curve((quantity, label, unit), values[joint.frames], joint.arms))
@@ -231,10 +234,16 @@ def muscle_curves(result: Result, muscle: str) -> list[Curve]:
     return curves
 
 
+def _matched(name: str, muscle: str, among: Iterable[str]) -> str:
+    """Return a coordinate's name without the side; of two sides, that of the muscle goes without."""
+    two = [side_apart(other) for other in among].count(side_apart(name)) > 1
+    return name if two and side_of(name) != side_of(muscle) else side_apart(name)
+
+
 def _axis(name: str, coordinate: Coordinate, frames: Ints) -> tuple[str, Floats]:
     """Return the label and the values in frames of a coordinate's axis, in degrees or mm."""
     unit, per_unit = ("deg", ANGLES["deg"]) if coordinate.unit in ANGLES else ("mm", 1.0)
-    return label_of(side_apart(name), unit), coordinate.values[frames] * (coordinate.factor / per_unit)
+    return label_of(name, unit), coordinate.values[frames] * (coordinate.factor / per_unit)
 
 
 def difference(curve: Curve, reference: Curve) -> tuple[float | None, ...]:
