@@ -235,13 +235,13 @@ def muscle_curves(result: Result, muscle: str) -> list[Curve]:
 
 
 def _matched(name: str, muscle: str, among: Iterable[str]) -> str:
-    """Return a coordinate's name without the side; of two sides, that of the muscle goes without."""
+    """Return a coordinate's name, without the muscle's or the only side."""
     two = [side_apart(other) for other in among].count(side_apart(name)) > 1
     return name if two and side_of(name) != side_of(muscle) else side_apart(name)
 
 
 def _axis(name: str, coordinate: Coordinate, frames: Ints) -> tuple[str, Floats]:
-    """Return the label and the values in frames of a coordinate's axis, in degrees or mm."""
+    """Return a coordinate's label and values, in degrees or mm."""
     unit, per_unit = ("deg", ANGLES["deg"]) if coordinate.unit in ANGLES else ("mm", 1.0)
     return label_of(name, unit), coordinate.values[frames] * (coordinate.factor / per_unit)
 
