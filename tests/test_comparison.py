@@ -32,10 +32,11 @@ class Made:
         rows = self.slope * self.angles[:, None] + np.array([-2.0, 0.0, 2.0])
         self.lengths = {self.muscle: 100.0 + rows}
         self.fibre_lengths = {}
-        self.motion = SimpleNamespace(coordinates={self.coordinate: Coordinate(self.angles, "deg")})
+        values = self.angles if self.unit == "deg" else np.radians(self.angles)
+        self.motion = SimpleNamespace(coordinates={self.coordinate: Coordinate(values, self.unit)})
         arms = JointArms(
             *(self.coordinate, self.unit, "", np.arange(len(rows))),
-            *(self.angles if self.unit == "deg" else np.radians(self.angles), np.ones(len(rows))),
+            *(values, np.ones(len(rows))),
             *(np.zeros((2, len(rows)))),
             *(rows, rows, None, None),
         )
