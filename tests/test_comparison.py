@@ -32,10 +32,11 @@ class Made:
         rows = self.slope * self.angles[:, None] + np.array([-2.0, 0.0, 2.0])
         self.lengths = {self.muscle: 100.0 + rows}
         self.fibre_lengths = {}
-        self.motion = SimpleNamespace(coordinates={self.coordinate: Coordinate(self.angles, "deg")})
+        values = self.angles if self.unit == "deg" else np.radians(self.angles)
+        self.motion = SimpleNamespace(coordinates={self.coordinate: Coordinate(values, self.unit)})
         arms = JointArms(
             *(self.coordinate, self.unit, "", np.arange(len(rows))),
-            *(self.angles if self.unit == "deg" else np.radians(self.angles), np.ones(len(rows))),
+            *(values, np.ones(len(rows))),
             *(np.zeros((2, len(rows)))),
             *(rows, rows, None, None),
         )
@@ -62,16 +63,19 @@ def test_sides_are_compared_and_other_frames_met_between():
 
 
 def test_both_sides_of_one_run_are_two_runs():
-    both = Made()
-    other = Made(0.7, "vastus_l", "knee_angle_l")
-    both.muscle_names = ["vastus_r", "vastus_l"]
+    """Both muscles have moment arms by the coordinates of both sides."""
+    both, other = Made(), Made(0.7, "vastus_left", "knee_angle_l")
+    both.muscle_names = ["vastus_r", "vastus_left"]
     both.verdicts |= other.verdicts
     both.lengths |= other.lengths
-    both.report["muscles"] |= other.report["muscles"]
-    both.all_arms |= other.all_arms
-    table = vtkmuscle.compare({"walk": both}).table().where(quantity="moment arm, knee angle")
-    assert list(table["run"]) == ["walk", "walk, vastus_l"]
-    assert table["difference_largest"][1] == pytest.approx(0.2 * 60.0)
+    both.motion.coordinates |= other.motion.coordinates
+    arms = both.all_arms["vastus_r"] | other.all_arms["vastus_left"]
+    both.all_arms = dict.fromkeys(both.muscle_names, arms)
+    table = vtkmuscle.compare({"walk": both}).table()
+    assert {"moment arm, left knee angle", "moment arm, right knee angle"} < set(table["quantity"])
+    own = table.where(quantity="moment arm, knee angle")
+    assert list(own["run"]) == ["walk", "walk, vastus_left"]
+    assert own["difference_largest"][1] == pytest.approx(0.2 * 60.0)
 
 
 def test_lengths_over_different_coordinates_are_not_subtracted():
@@ -81,24 +85,38 @@ def test_lengths_over_different_coordinates_are_not_subtracted():
     assert table.where(run="third")["difference"] == pytest.approx(0.1 * ANGLES.mean())
 
 
-def over_grid(step, slope=0.5):
-    """Return a run over knee and hip angle in turns; the moment arm depends on both."""
-    hip, knee = (axis.ravel() for axis in np.meshgrid(np.arange(0.0, 41.0, step), [0.0, 20.0], indexing="ij"))
+def over_grid(step, slope=0.5, unit="mm"):
+    """Return a run over a knee and a slide in turns; the moment arm depends on both."""
+    slide, knee = (
+        axis.ravel() for axis in np.meshgrid(np.arange(0.0, 41.0, step), [0.0, 20.0], indexing="ij")
+    )
     knee[2::4], knee[3::4] = 20.0, 0.0
-    run = Made(slope, angles=hip + knee)
-    run.times, run.time_label = list(range(len(hip))), "time"
-    run.motion.coordinates = {"knee_angle_r": Coordinate(knee, "deg"), "hip_angle_r": Coordinate(hip, "deg")}
+    run = Made(slope, angles=slide + knee)
+    run.times, run.time_label = list(range(len(slide))), "time"
+    slid = Coordinate(slide * {"mm": 1.0, "m": 0.001}[unit], unit)
+    run.motion.coordinates = {"knee_angle_r": Coordinate(knee, "deg"), "slide_r": slid}
     run.all_arms[run.muscle]["knee_angle_r"] = replace(run.all_arms[run.muscle]["knee_angle_r"], values=knee)
     return run
 
 
 def test_runs_over_grids_are_compared_in_equal_poses():
     """A run over a coordinate of a grid has many values at a position, and no value between poses."""
-    runs = {"one": over_grid(10.0), "same": over_grid(10.0), "coarse": over_grid(20.0, 0.6)}
+    runs = {"one": over_grid(10.0), "same": over_grid(10.0), "coarse": over_grid(20.0, 0.6, unit="m")}
     table = vtkmuscle.compare(runs).table()
-    assert set(table["over"]) == {"poses of knee angle, hip angle"}
+    assert set(table["over"]) == {"poses of knee angle, slide"}
     assert table.where(run="same")["difference_rms"].tolist() == [0.0, 0.0]
     np.testing.assert_allclose(table.where(run="coarse")["difference"], 0.1 * 30.0)
+
+
+def test_lengths_and_arms_of_a_held_coordinate_are_compared_over_the_moving_one():
+    runs = {name: Made(angles=np.arange(0.0, 61.0, step)) for name, step in (("one", 10), ("other", 5))}
+    for run in runs.values():  # a grid of the knee and of a single value
+        run.times, run.time_label, arms = list(run.frames), "pose", run.all_arms[run.muscle]
+        run.motion.coordinates["slide"] = Coordinate(0.0 * run.angles, "mm")
+        arms["slide"] = replace(arms["knee_angle_r"], values=0.0 * run.angles)
+    table = vtkmuscle.compare(runs).table()
+    assert set(table["over"]) == {"knee angle [degrees]"}
+    np.testing.assert_allclose(table.where(run="other")["difference_rms"], 0.0, atol=1e-12)
 
 
 def test_a_muscle_without_a_frame_has_a_row():

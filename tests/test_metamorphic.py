@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 import pyvista
+from phantoms import fibre_block
 from scipy.spatial.transform import Rotation
 from slow import slow
 from vtkmodules.vtkFiltersModeling import vtkLinearSubdivisionFilter
@@ -233,6 +234,19 @@ def test_fibres_are_those_of_the_same_muscle_written_otherwise(settings, how):
         ]
         here, there = (polylines_of(fibres, "fibres").lengths for fibres in made)
         assert np.allclose(there, (0.2 if how == QUICK else 1.0) * here, rtol=1e-4), name
+
+
+@pytest.mark.parametrize("name", ["block", "iliacus", *slow("gluteus_medius")])
+def test_a_scene_moved_rigidly_deforms_as_before(name):
+    """By position based dynamics. In a block straight fibres, samples and walls are side by side."""
+    phantom = fibre_block("parallel") if name == "block" else phantoms.hip()
+    scene = Scene.from_phantom(phantom, n_fibres=20).with_muscles(name)
+    scene = scene.with_settings(deformer="pbd", iterations=5)
+    turn, shift = (0.5, 1.1, -0.3), (250.0, -1300.0, 75.0)
+    runs = [one.run(frames="0:6", figures=False) for one in (scene, mapped(scene, turn=turn, shift=shift))]
+    for kind in ("muscle", "fibres"):
+        here, there = (points_of(getattr(run, kind)(name, frame=5)) for run in runs)
+        np.testing.assert_allclose(Rotation.from_rotvec(turn).apply(here) + shift, there, rtol=0, atol=1e-6)
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from commands import refused, vtkmuscle_
 from tiny_scene import write_tiny_scene
 
 import vtkmuscle
+from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.tradeoffs import ALL, ERRORS
 
@@ -47,13 +48,18 @@ def test_published_curves_of_the_scene_are_compared(measured):
     np.testing.assert_allclose(measured[2].table.where(muscle=ALL)["published_rms_mm"], 3.0, atol=0.2)
 
 
-def test_published_curves_are_in_degrees_where_the_coordinate_is_in_radians(measured):
+def test_errors_are_in_millimetres_and_curves_in_degrees_whatever_the_units_of_coordinates(measured):
+    """An angle in radians, and a translation, whose arms have no unit."""
     motion = measured[0].motion
     ((name, angle),) = motion.coordinates.items()
-    turned = {name: replace(angle, values=np.radians(angle.values), unit="rad")}
-    scene = replace(measured[0], motion=replace(motion, coordinates=turned))
-    found = vtkmuscle.tradeoff(scene, frames="0:3", deformer=["none"])
-    np.testing.assert_allclose(found.table.where(muscle=ALL)["published_rms_mm"], 3.0, atol=0.2)
+    sliding = {"distal": np.tile([0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (len(motion.times), 1))}
+    other = {"slide": Coordinate(0.0 * motion.times, "mm", twists=sliding)}
+    other[name] = replace(angle, values=np.radians(angle.values), unit="rad")
+    scene = replace(measured[0], motion=replace(motion, coordinates=other))
+    table = vtkmuscle.tradeoff(scene, frames="0:3", deformer="none", quality="preview", n_fibres=8).table
+    np.testing.assert_allclose(table["published_rms_mm"], 3.0, atol=0.2)
+    known = measured[2].table.where(quality="preview")["moment_arm_rms_mm"]
+    np.testing.assert_allclose(table["moment_arm_rms_mm"], known, rtol=1e-4)
 
 
 def test_the_cheapest_setting_within_an_error_is_named_and_none_is_an_error(measured):

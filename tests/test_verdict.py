@@ -14,11 +14,12 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import MODEL, SHORTENED
 from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.core.moment_arms.levers import distances_moved, even_stretches, largest_turns, length_jumps
+from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import add_arrays, points_of, triangles_of, with_points
 from vtkmuscle.data.attachments import Aponeurosis
 from vtkmuscle.filters import PathDeformer
-from vtkmuscle.phantoms import spindle_over_hinge
+from vtkmuscle.phantoms import spindle_over_hinge, wrapping_cylinder
 from vtkmuscle.phantoms.one_hinge import INSERTION, ORIGIN, circle
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.measure import MuscleMeasure
@@ -249,6 +250,15 @@ def test_fibres_that_lengthen_otherwise_than_their_paths_are_told(deformer, fram
     assert [why.frame for why in reasons if why.check == "fibres and paths"] == [20] * (deformer == "pbd")
 
 
+def test_the_depth_of_chords_in_a_bone_is_no_difference_of_arm_and_slope():
+    """A strap round a cylinder, and a coordinate that moves nothing: its arms and their errors are 0."""
+    scene = Scene.from_phantom(wrapping_cylinder(angles=[0.0, 10.0, 20.0]), n_fibres=8)
+    held = {"held": Coordinate([0.0] * 3, twists={"pulley": np.zeros((3, 6))})}
+    motion = replace(scene.motion, coordinates=scene.motion.coordinates | held)
+    verdict = replace(scene, motion=motion, deformer="none").run().report["muscles"]["strap"]["verdict"]
+    assert [why.check for why in reasons_of(verdict)] == []
+
+
 # ------------------------------------------------------------------------------- jumps
 
 
@@ -271,6 +281,8 @@ def test_uneven_rows_of_a_table_are_no_jump():
     curve, moved = (120.0 + 40.0 * np.sin(np.radians(angles)))[:, None], distances_moved(motion)
     jumps = [length_jumps(curve, at, even_stretches(motion)).max() for at in (motion.times, moved)]
     assert not even_stretches(motion).any()  # steps that halve or double
+    odd_times = np.cumsum([0.0, 1, 9, 1, 7, 2, 30, 0.1, 4, 50, 3, 8])
+    assert not even_stretches(replace(motion, times=odd_times)).any()
     assert 20.0 * jumps[1] < 0.8 < jumps[0]
     curve[6:] += 4.0
     assert int(length_jumps(curve, moved, even_stretches(motion)).argmax()) == 5

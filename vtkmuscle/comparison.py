@@ -1,6 +1,6 @@
 """Comparison of runs of other settings, sides or subjects, and of published moment arms."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.motion.coordinates import ANGLES
-from vtkmuscle.core.types import SAME, Floats
+from vtkmuscle.core.motion.coordinates import ANGLES, Coordinate
+from vtkmuscle.core.types import SAME, Floats, Ints
 from vtkmuscle.core.words import quoted
+from vtkmuscle.data.anatomy import side_of
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, label_of, literature_of, side_apart
 from vtkmuscle.run import Result, Table
 from vtkmuscle.run.result_data import UNNAMED
@@ -129,7 +130,7 @@ def compare(
     """Compare runs and published values.
 
     Runs may differ in settings, sides or subjects. Muscles and coordinates are matched by name, without the
-    side (``_r``, ``_l``); both sides of a single run count as two runs.
+    side (``_r``, ``_left``); both sides of a single run count as two runs.
 
     Parameters
     ----------
@@ -202,32 +203,47 @@ def muscle_curves(result: Result, muscle: str) -> list[Curve]:
     """Return the curves of a muscle of a run: lengths of paths and fibres, and moment arms.
 
     Moment arms are over their coordinate if it fixes the pose, else over the axis of lengths: over the time,
-    or, for a grid, over poses.
+    the only coordinate of a sweep, or, for a grid, over poses. Angles are in degrees, translations in mm.
     """
-    every, crossed = result.motion.coordinates, result.crosses.get(muscle)
-    own = {name: q.values for name, q in every.items() if q.changes and (crossed is None or name in crossed)}
+    every, crossed, frames = result.motion.coordinates, result.crosses.get(muscle), np.asarray(result.frames)
+    own = {name: q for name, q in every.items() if q.changes and (crossed is None or name in crossed)}
     times, poses = np.asarray(result.times, dtype=np.float64), None
+    arms = result.all_arms.get(muscle, {})
+    named = {name: _matched(name, muscle, own.keys() | arms) for name in every}
+    axes = {name: _axis(named[name], q, frames) for name, q in every.items()}
     over = result.time_label.removeprefix("right ").removeprefix("left ")
     steps = np.abs(np.diff([q.values for q in every.values() if q.changes])) > SAME
-    if over in UNNAMED and own and len(steps) > 1 and (steps.sum(axis=0) <= 1).all():  # of a grid
-        over = f"poses of {', '.join(label_of(side_apart(name)) for name in own)}"
-        frames = np.asarray(result.frames)
-        times, poses = frames.astype(np.float64), np.column_stack(list(own.values()))[frames]
+    if len(own) == 1 and len(set(np.sign(np.diff(axes[only := next(iter(own))][1])))) == 1:  # of a sweep
+        over, times = axes[only]
+    elif over in UNNAMED and own and len(steps) > 1 and (steps.sum(axis=0) <= 1).all():  # of a grid
+        over = f"poses of {', '.join(label_of(named[name]) for name in own)}"
+        times, poses = frames.astype(np.float64), np.column_stack([axes[name][1] for name in own])
     curves = []
     for quantity, lengths in ((_LENGTH, result.lengths), ("fibre length", result.fibre_lengths)):
         if count := len(lengths.get(muscle, ())):
             words, rows = (quantity, over, "mm"), lengths[muscle]
             curves.append(_curve(words, times[:count], rows, None if poses is None else poses[:count]))
-    for name, joint in result.all_arms.get(muscle, {}).items():
-        coordinate, unit = side_apart(name), "mm" if joint.unit in ANGLES else "1"
-        quantity = f"moment arm, {label_of(coordinate)}"
-        if len(own) < 2 or (poses is None and (np.diff(joint.values) > 0.0).all()):
-            words = quantity, label_of(coordinate, "deg" if joint.unit in ANGLES else joint.unit), unit
-            curves.append(_curve(words, joint.angles, joint.arms))
+    for name, joint in arms.items():
+        quantity, unit = f"moment arm, {label_of(named[name])}", "mm" if joint.unit in ANGLES else "1"
+        label, values = axes[name]
+        if own.keys() <= {name} or (poses is None and (np.diff(joint.values) > 0.0).all()):
+            curves.append(_curve((quantity, label, unit), values[joint.frames], joint.arms))
         else:
             of_frames = None if poses is None else poses[joint.frames]
             curves.append(_curve((quantity, over, unit), times[joint.frames], joint.arms, of_frames))
     return curves
+
+
+def _matched(name: str, muscle: str, among: Iterable[str]) -> str:
+    """Return a coordinate's name, without the muscle's or the only side."""
+    two = [side_apart(other) for other in among].count(side_apart(name)) > 1
+    return name if two and side_of(name) != side_of(muscle) else side_apart(name)
+
+
+def _axis(name: str, coordinate: Coordinate, frames: Ints) -> tuple[str, Floats]:
+    """Return a coordinate's label and values, in degrees or mm."""
+    unit, per_unit = ("deg", ANGLES["deg"]) if coordinate.unit in ANGLES else ("mm", 1.0)
+    return label_of(name, unit), coordinate.values[frames] * (coordinate.factor / per_unit)
 
 
 def difference(curve: Curve, reference: Curve) -> tuple[float | None, ...]:
@@ -235,6 +251,8 @@ def difference(curve: Curve, reference: Curve) -> tuple[float | None, ...]:
     if curve.poses is None or reference.poses is None:
         inside = (curve.x >= reference.x[0] - 1e-9) & (curve.x <= reference.x[-1] + 1e-9)
         expected = np.interp(curve.x, reference.x, reference.mean)
+        if np.array_equal(curve.x, reference.x):  # also of values that repeat
+            expected = reference.mean
     else:
         equal = np.all(np.abs(curve.poses[:, None] - reference.poses) <= SAME, axis=2)
         inside, expected = np.any(equal, axis=1), reference.mean[np.argmax(equal, axis=1)]

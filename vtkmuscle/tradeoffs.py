@@ -12,7 +12,7 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import root_mean_square
-from vtkmuscle.core.motion.coordinates import MILLIMETRES
+from vtkmuscle.core.motion.coordinates import ANGLES, MILLIMETRES
 from vtkmuscle.data import toml_table
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters.deformer import PRESETS
@@ -219,7 +219,7 @@ def _measured(result: Result, limit: Result | None, name: str) -> dict[str, Any]
             break
     off = []
     for axis, best in limit.all_arms.get(name, {}).items():
-        if axis in arms:  # in the frames that have both
+        if axis in arms and best.unit in ANGLES:  # in the frames that have both
             _, here, there = np.intersect1d(arms[axis].frames, best.frames, return_indices=True)
             off.append(arms[axis].mean[here] - best.mean[there])
     row["moment_arm_rms_mm"] = _rms(off)

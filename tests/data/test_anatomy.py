@@ -3,7 +3,7 @@
 import pytest
 
 from vtkmuscle.data import anatomy
-from vtkmuscle.data.anatomy import published, published_coordinate
+from vtkmuscle.data.anatomy import published, published_arm, published_coordinate
 
 
 @pytest.mark.parametrize(
@@ -34,6 +34,8 @@ def test_a_whole_muscle_has_the_range_of_its_parts():
     assert (whole.low, whole.high) == (min(p.low for p in parts), max(p.high for p in parts))
     arms = [published(name, "moment_arm", "hip_flexion") for name in ("iliacus", "psoas", "iliopsoas")]
     assert arms[2].high == max(arms[0].high, arms[1].high)
+    assert published_arm("iliacus_l", "hip_flexion_l") == arms[0] == published_arm("iliacus", "hip_flexion_l")
+    assert published_arm("iliacus_left", "hip_flexion_r") is None
 
 
 @pytest.mark.parametrize(

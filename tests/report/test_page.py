@@ -102,7 +102,10 @@ def test_errors_of_means_are_a_table_and_bands(run_folder):
     other.report["muscles"]["spindle"]["errors"] = sizes | {"total_mm": None}
     words = " ".join(words_of(page_of(other)).split())
     assert "numerical bow spindle change of length \u2013 0.12 0.12 0.12 0.12" in words
-    low, high = np.array(curves_of(other, Pack())["muscles"][0]["lengths"]["held"])
+    other.times = [1.7e6 + 0.01 * frame for frame in other.frames]
+    curves = curves_of(other, Pack())
+    assert curves["times"] == other.times
+    low, high = np.array(curves["muscles"][0]["lengths"]["held"])
     assert high - low == pytest.approx(2.0 * other._tracks["spindle"].errors()["total"], abs=0.03)
 
 

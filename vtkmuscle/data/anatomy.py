@@ -127,7 +127,12 @@ def published(muscle: str, quantity: str = "", coordinate: str = "") -> Publishe
 
 
 def published_arm(muscle: str, coordinate: str, positive: str = "") -> Published | None:
-    """Return a muscle's published moment arms by a coordinate of any name and direction, None if unknown."""
+    """Return a muscle's published moment arms by a coordinate of any name and direction.
+
+    None if unknown, and by a coordinate of the other side.
+    """
+    if {side_of(muscle), side_of(coordinate)} == {"left", "right"}:
+        return None
     theirs, sign = published_coordinate(coordinate, positive)
     arm = published(muscle, "moment_arm", theirs) if theirs else None
     if arm is None or sign > 0.0:

@@ -153,13 +153,20 @@ def _band(curve: LiteratureCurve) -> tuple[str, str]:
     return curve.source, curve.part.removesuffix(LOWER).removesuffix(UPPER)
 
 
+#: Words of the sides, by the endings of names.
+_SIDES = {"_r": "right ", "_l": "left ", "_right": "right ", "_left": "left "}
+
+
+def _ending(name: str) -> str:
+    return next((ending for ending in _SIDES if name.casefold().endswith(ending)), "")
+
+
 def side_apart(name: str) -> str:
-    """Return a name without its side: ``iliacus`` for ``iliacus_r``."""
-    return name[:-2] if name[-2:].casefold() in ("_r", "_l") else name
+    """Return a name without its side: ``iliacus`` for ``iliacus_r`` and ``iliacus_right``."""
+    return name[: len(name) - len(_ending(name))]
 
 
 def label_of(name: str, unit: str = "") -> str:
     """Return a name for readers: ``right hip flexion [degrees]`` for ``hip_flexion_r``."""
-    side = "" if side_apart(name) == name else {"r": "right ", "l": "left "}[name[-1].casefold()]
     in_brackets = {"deg": " [degrees]", "rad": " [radians]", "": ""}.get(unit, f" [{unit}]")
-    return side + side_apart(name).replace("_", " ") + in_brackets
+    return _SIDES.get(_ending(name), "") + side_apart(name).replace("_", " ") + in_brackets

@@ -219,7 +219,7 @@ def curves_of(run: "Result", pack: Pack) -> dict[str, Any]:
     muscles = [_curves(run, name, colour_of(index), pack) for index, name in enumerate(run.muscle_names)]
     shown = [each for each in MEASURES if any(each.key in muscle["checks"] for muscle in muscles)]
     return {
-        "times": rounded(run.times),
+        "times": [*run.times],  # five digits of an absolute time would be the same in all frames
         "timeLabel": run.time_label,
         "timeName": time_name,
         "timeUnit": f" {unit.removesuffix(']')}".rstrip(),

@@ -112,8 +112,9 @@ def run_only(
     ``"surfaces"``, for the muscles in the frames. Tables take the paths alone: no muscle is deformed, no
     fibre is moved and no frame is measured. Surfaces take the deformer without fibres. With a folder ``out``,
     lengths.csv or moment_arms.csv with poses.csv, or a NAME.pvd per muscle is written; further options are
-    those of :class:`~vtkmuscle.run.RunOptions`. ValueError if the output is unknown, a file would be
-    replaced, or a stage cannot run.
+    those of :class:`~vtkmuscle.run.RunOptions`. Probable mistakes in the scene, and reasons of verdicts, are
+    warnings. ValueError if the output is unknown, a file would be replaced, a stage cannot run, or the scene
+    is implausible.
 
     Examples
     --------
@@ -143,7 +144,9 @@ def run_only(
     run = SceneRun(scene, numbers, None, RunOptions(workers=workers, progress=progress), what)
     report, tracks = _first_report(run, {}), Tracks()
     with ExitStack() as stack:
-        _solve(run, tracks, report, *_started(run, tracks, stack))
+        started = _started(run, tracks, stack)
+        check_sense(scene)
+        _solve(run, tracks, report, *started)
     result = _result(run, report, DrawnBones(scene.bones_data()), tracks)
     if what != "surfaces":
         table = result.length_table() if what == "lengths" else result.moment_arms().table()

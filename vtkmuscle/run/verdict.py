@@ -300,8 +300,9 @@ def _arms(muscle: Judged, arms: JointArms) -> Iterator[Reason]:
         yield _look(muscle, "arm and length", (longer[worst], 1.0, ""), says, do, frames[worst])
     # Differences over steps h of a pulley's cosine are off by h^2 / 6.
     errors, step = arms.errors, np.radians(np.abs(np.diff(arms.angles)).max(initial=0.0))
-    off, parts = errors["numerical"], [errors[part] for part in ("model", "sampling", "bow")]
-    allowed = np.linalg.norm(parts, axis=0) + step**2 / 6.0 * np.nanmax(np.abs(mean))
+    off, parts = np.nan_to_num(np.abs(mean - arms.mean_slope)), ("model", "sampling", "bow")
+    allowed = np.linalg.norm([errors[part] for part in parts], axis=0) + np.nan_to_num(arms.sags)
+    allowed += step**2 / 6.0 * np.nanmax(np.abs(mean))
     if np.count_nonzero(off > allowed) > 0.5 * len(off):
         worst = int(np.nanargmax(off - allowed))
         says = f"the mean moment arm by {arms.coordinate} is {mean[worst]:.3g} mm, but "

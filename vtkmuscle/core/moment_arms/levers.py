@@ -225,21 +225,21 @@ def length_jumps(
 def even_stretches(motion: RigidMotion) -> Ints:
     """Return the stretch of even motion per step, (k - 1,).
 
-    A reversal, or a further joint that begins to move, begins a new stretch.
+    A reversal, or a further joint that begins to move, begins a new stretch. Steps of like speeds are even,
+    and so are steps of like sizes at any times.
     """
-    durations = np.diff(motion.times)
-    if not len(durations):
-        return np.zeros(0, dtype=np.int64)
-    begins = np.zeros(len(durations), dtype=np.bool_)
-    unsure = 2.0 * SIX_DIGITS / durations
-    for moved in chain(*_moves(motion)):
-        velocities = moved / durations[:, None]
-        sizes = np.linalg.norm(velocities, axis=1)
-        # Velocities far below the largest, or within rounding, are from a table's last digits.
-        least = 0.02 * sizes.max() + unsure[1:] + unsure[:-1]
-        change = np.linalg.norm(np.diff(velocities, axis=0), axis=1)
-        begins[1:] |= change > UNEVEN * np.maximum(sizes[1:], sizes[:-1]) + least
-    return np.cumsum(begins)
+    steps = np.diff(motion.times)
+    begins = np.zeros((2, len(steps)), dtype=np.bool_)
+    for durations, uneven in zip((steps, np.ones(len(steps))), begins, strict=True) if len(steps) else ():
+        unsure = 2.0 * SIX_DIGITS / durations
+        for moved in chain(*_moves(motion)):
+            velocities = moved / durations[:, None]
+            sizes = np.linalg.norm(velocities, axis=1)
+            # Velocities far below the largest, or within rounding, are from a table's last digits.
+            least = 0.02 * sizes.max() + unsure[1:] + unsure[:-1]
+            change = np.linalg.norm(np.diff(velocities, axis=0), axis=1)
+            uneven[1:] |= change > UNEVEN * np.maximum(sizes[1:], sizes[:-1]) + least
+    return np.cumsum(begins.all(axis=0))
 
 
 def distances_moved(motion: RigidMotion) -> Floats:
