@@ -8,6 +8,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersSources import vtkPlaneSource
 
 from vtkmuscle.data import arrays, attachments
+from vtkmuscle.data.paths import path_lines_of
 
 POINTS = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
 TRIANGLES = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
@@ -94,6 +95,8 @@ def test_a_copy_of_lines_puts_point_arrays_in_the_order_of_the_lines():
     np.testing.assert_array_equal(arrays.point_array(result, "id", "here"), [2, 1, 0, 1, 3, 4])
     np.testing.assert_array_equal(arrays.cell_array(result, "FibreId", "here"), [10, 11])
     np.testing.assert_array_equal(arrays.field_array(result, "Transform"), np.arange(16.0))
+    paths = path_lines_of(arrays.add_arrays(data, points={"RestPosition": 2.0 * arrays.points_of(data)}), "")
+    np.testing.assert_array_equal(paths.rest, 2.0 * paths.points)
 
 
 @pytest.mark.parametrize("offsets", [(0, 2, 5), (0, 3, 6)])
@@ -108,6 +111,10 @@ def test_lines_of_other_points_drop_point_arrays_only(offsets):
 def test_polylines_among_other_cells_are_refused():
     with pytest.raises(ValueError, match=r"here: 1 cell\(s\) are not polylines"):
         arrays.polylines_of(lines_with_shared_points(verts=[1, 0]), "here")
+    lines = lines_with_shared_points()
+    lines.GetLines().InsertNextCell(0)
+    with pytest.raises(ValueError, match="here: a polyline has no points; remove the cell"):
+        arrays.polylines_of(lines, "here")
 
 
 # -------------------------------------------------------------------- arrays
