@@ -168,10 +168,10 @@ class StiffTendons(Filter):
         _check_same(rest_muscle, deformed_muscle)
         lines = rest_fibres.stacked("rest_fibres", "FibreSource makes such fibres")
 
-        def tendons(lines: Floats, paths: Floats) -> Tendons:
-            return Tendons(lines, paths, _on_bone(rest_muscle, lines[:, [0, -1]]))
+        def tendons(lines: Floats, paths: Floats, muscle: Surface) -> Tendons:
+            return Tendons(lines, paths, _on_bone(muscle, lines[:, [0, -1]]))
 
-        held = self.once("tendons", (lines, paths.rest), tendons)
+        held = self.once("tendons", (lines, paths.rest, rest_muscle), tendons)
         moved = held.placed(fibres.points.reshape(lines.shape), paths.points).reshape(-1, 3)
         inputs = rest_fibres.points, rest_muscle.points, rest_muscle.triangles, 0.0
         self.once("embedded", inputs, EmbeddedPoints).keep_within(moved, deformed_muscle.points)
