@@ -128,6 +128,12 @@ def test_means_through_via_rings_have_no_error(tmp_path):
     assert ", error \u2013 mm" in (tmp_path / "out/report.html").read_text(encoding="utf-8")
 
 
+def test_without_bows_errors_of_means_have_no_part_of_theirs(scene):
+    result = scene.with_settings(**{"paths.bows": False, "deformer": "none"}).run(frames="0:2")
+    errors = result.report["muscles"]["spindle"]["errors"]
+    assert errors["bow_mm"] == 0.0 < errors["total_mm"]
+
+
 def test_published_ranges_are_drawn_without_being_asked_for():
     scene = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=6)
     motion = hinge("distal", (0, 0, 0), (-1, 0, 0), [-20.0, -10.0, 0.0], coordinate="knee_extension")
