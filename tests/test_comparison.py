@@ -126,7 +126,10 @@ def test_nothing_in_common_is_one_clear_error():
 def test_a_table_and_a_figure_are_written(tmp_path):
     published = tmp_path / "published.csv"
     published.write_text("source,muscle,dof,angle_deg,moment_arm_mm\nA1999,vastus,knee_angle,5,30\n")
-    compared = vtkmuscle.compare({"one": Made(), "other": Made(0.6)}, literature=published)
+    other = Made(0.6)
+    compared = vtkmuscle.compare({"one": Made(), "other": other}, literature=published)
+    other.literature = {other.muscle: compared.literature["vastus"]}
+    assert vtkmuscle.compare({"one": Made(), "other": other}).literature == compared.literature
     table, picture = compared.write(tmp_path / "out")
     assert len(table.read_text().splitlines()) == 1 + 2 * 2
     assert picture.read_bytes().startswith(b"\x89PNG")

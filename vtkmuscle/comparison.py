@@ -176,7 +176,8 @@ def compare(
                 if next(iter(quantities.get(key, {}).values()), curve).over != curve.over:
                     key += f", over {curve.over}"
                 quantities.setdefault(key, {})[run] = curve
-            compared.literature.setdefault(common, curves_for(published.get(muscle, ()), muscle=muscle))
+            own = curves_for(published.get(muscle, ()), muscle=muscle)
+            compared.literature[common] = compared.literature.get(common) or own
     if len(compared.curves) == len(compared.verdicts) and not any(compared.literature.values()):
         listed = "; ".join(f"{name}: {', '.join(result.muscle_names)}" for name, result in named.items())
         raise InputError("", f"no muscle is in two of the runs ({listed})", "muscles match by name")
