@@ -180,6 +180,8 @@ def test_a_saved_scene_moves_alike_and_has_joints_that_tell_its_motion(coordinat
             np.testing.assert_allclose(again.motion.at(time)[bone], there, atol=1e-12)
     assert again.joints == (scene.joints if len(coordinates) == 2 else {})
     assert (again.motion.coordinates["lower"].twists is not None) == bool(again.joints)
+    scene.files[""].unlink()
+    assert Scene.load(scene.save(tmp_path / "alone")).joints == {}
 
 
 def _with(joint, **changes):

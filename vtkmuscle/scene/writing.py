@@ -135,15 +135,15 @@ def _muscle(name: str, muscle: Muscle, motion: RigidMotion) -> dict[str, Any]:
 
 def _joints(scene: SceneData) -> dict[str, Any]:
     """Return the joints of the scene's own file. Empty if they do not move the bones as the scene does."""
-    path, motion = scene.files.get(""), scene.motion
-    table = parsed(path) if path and scene.joints else {}
-    joints: dict[str, Any] = {} if "mirror" in table else table.get("joints", {})
+    path, motion, still = scene.files.get(""), scene.motion, np.eye(4)
     with suppress(ValueError):  # the file, or the coordinates, are others by now
+        table = parsed(path) if path and scene.joints else {}
+        joints: dict[str, Any] = {} if "mirror" in table else table.get("joints", {})
         if path and joints and (own := joints_of(SceneTable.model_validate(table), SceneFiles(path))):
             angles = {each.name for each in own.tree.coordinates if each.is_angle}
             values = {name: q.values for name, q in _free(motion, joints).items()}
             read = {name: np.radians(each) if name in angles else each for name, each in values.items()}
-            theirs, still = own.motion_of(motion.times, read, ()).transforms, np.eye(4)
+            theirs = own.motion_of(motion.times, read, ()).transforms
             both = [(motion.transforms.get(bone, still), theirs.get(bone, still)) for bone in scene.bones]
             if all(np.allclose(ours, moved, rtol=ROUNDING, atol=ROUNDING) for ours, moved in both):
                 return joints
