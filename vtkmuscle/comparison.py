@@ -216,9 +216,10 @@ def muscle_curves(result: Result, muscle: str) -> list[Curve]:
         times, poses = frames.astype(np.float64), np.column_stack(list(own.values()))[frames]
     curves = []
     for quantity, lengths in ((_LENGTH, result.lengths), ("fibre length", result.fibre_lengths)):
-        if count := len(lengths.get(muscle, ())):
-            words, rows = (quantity, over, "mm"), lengths[muscle]
-            curves.append(_curve(words, times[:count], rows, None if poses is None else poses[:count]))
+        rows = lengths.get(muscle, np.empty((0, 1)))
+        if len(known := np.flatnonzero(np.isfinite(rows).all(axis=1))):  # where paths come to rest
+            own_poses = None if poses is None else poses[known]
+            curves.append(_curve((quantity, over, "mm"), times[known], rows[known], own_poses))
     for name, joint in result.all_arms.get(muscle, {}).items():
         coordinate, unit = side_apart(name), "mm" if joint.unit in ANGLES else "1"
         quantity = f"moment arm, {label_of(coordinate)}"
