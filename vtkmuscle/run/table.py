@@ -106,7 +106,8 @@ class Table(Remedies, Mapping[str, NDArray[Any]]):
                 raise InputError("", f"the table has no column {name!r}", suggestion(name, self))
             column = self[name]
             floats = np.issubdtype(column.dtype, np.floating)
-            kept &= np.isclose(column, value, rtol=1e-9, atol=1e-9) if floats else column == value
+            equal = [each == value for each in column.tolist()]  # a vector is a value
+            kept &= np.isclose(column, value, rtol=1e-9, atol=1e-9) if floats else equal
         return self.stacked(self._names, [{name: column[kept] for name, column in self.items()}])
 
     def to_csv(self, path: str | PathLike[str], *, digits: int | None = None) -> Path:
