@@ -218,8 +218,8 @@ def muscle_curves(result: Result, muscle: str) -> list[Curve]:
     for quantity, lengths in ((_LENGTH, result.lengths), ("fibre length", result.fibre_lengths)):
         rows = lengths.get(muscle, np.empty((0, 1)))
         if len(known := np.flatnonzero(np.isfinite(rows).all(axis=1))):  # where paths come to rest
-            own_poses = None if poses is None else poses[known]
-            curves.append(_curve((quantity, over, "mm"), times[known], rows[known], own_poses))
+            at = times[known], rows[known], None if poses is None else poses[known]
+            curves.append(_curve((quantity, over, "mm"), *at))
     for name, joint in result.all_arms.get(muscle, {}).items():
         coordinate, unit = side_apart(name), "mm" if joint.unit in ANGLES else "1"
         quantity = f"moment arm, {label_of(coordinate)}"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import pyvista as pv
-from vtkmodules.vtkCommonCore import VTK_DOUBLE, vtkPoints
+from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersSources import vtkPlaneSource
 
@@ -21,13 +21,6 @@ def lines_with_shared_points(**more):
 
 
 # -------------------------------------------------------------------- points and surfaces
-
-
-def test_surface_keeps_points_and_triangles():
-    surface = arrays.surface_from(POINTS, TRIANGLES)
-    assert surface.GetPoints().GetDataType() == VTK_DOUBLE
-    np.testing.assert_array_equal(arrays.points_of(surface), POINTS)
-    np.testing.assert_array_equal(arrays.triangles_of(surface, "here"), TRIANGLES)
 
 
 def test_surface_of_faces_with_more_corners_is_refused():
@@ -63,15 +56,6 @@ def test_with_points_keeps_the_rest_but_normals_and_leaves_the_input():
 
 
 # -------------------------------------------------------------------- polylines
-
-
-def test_polylines_round_trip():
-    lines = arrays.Polylines(np.arange(15.0).reshape(5, 3), np.array([0, 2, 5]))
-    back = arrays.polylines_of(arrays.polylines_from(lines), "here")
-    np.testing.assert_array_equal(back.points, lines.points)
-    np.testing.assert_array_equal(back.offsets, lines.offsets)
-    assert len(back) == 2
-    np.testing.assert_array_equal(back.line(1), lines.points[2:])
 
 
 def test_polylines_that_share_points_get_their_own():

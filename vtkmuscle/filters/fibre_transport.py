@@ -196,8 +196,6 @@ def _check_same(rest: Surface, deformed: Surface) -> None:
 def _on_bone(muscle: Surface, fixed_to: Ints, ends: Floats) -> Bools:
     """Return a mask of ends (k, 2, 3) on triangles of fixed points."""
     geometry = muscle.geometry
-    if (fixed_to < 0).all():
-        return np.zeros(ends.shape[:2], dtype=np.bool_)
     faces, _, apart = shared_tree(geometry.points, geometry.triangles).nearest(ends.reshape(-1, 3))
     on_bone = (fixed_to >= 0)[geometry.triangles[faces]].all(axis=1)
     return (on_bone & (apart <= ROUGHNESS * geometry.mean_edge)).reshape(ends.shape[:2])
