@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from dataclasses import replace as with_changes
-from itertools import chain, product
+from itertools import product
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -258,7 +258,6 @@ def _run_of(source: Result | str | PathLike[str], options: RunOptions, named: se
     frames = slice(None) if result is None else list(result.frames)
     values = {name: column[frames] for name, column in values.items()}
     moving = [name for name, column in values.items() if np.ptp(column) > ROUNDING]
-    _check_named(scene, {*moving}.intersection(chain(*crossed.values())), path)
     still = {name: tuple(each for each in on_way if each not in moving) for name, on_way in crossed.items()}
     with scene_errors_at("motion", path, "extend the motion, or shorten the crosses of the muscles"):
         moved = {names: _with_moves(joints.tree, values, names) for names in dict.fromkeys(still.values())}
@@ -280,13 +279,6 @@ def _run_of(source: Result | str | PathLike[str], options: RunOptions, named: se
         now = {name: factors[name] * column for name, column in columns.items()}
         poses |= dict.fromkeys(muscles, _Poses(measured, now))
     return _Run(scene, result, joints, tree, metres, ends, crossed, {name: poses[name] for name in whole})
-
-
-def _check_named(scene: Scene, moving: set[str], path: Path) -> None:
-    """Raise a SceneError for a crossed, moving coordinate that has no moment arms."""
-    for name in sorted(moving - {*scene.motion.coordinates}):
-        problem = f"a muscle crosses {name!r}, which moves, but is not named, so it has no moment arms"
-        raise SceneError(problem, "motion.coordinates", "add it, or leave the key out", path)
 
 
 def _with_moves(tree: KinematicTree, values: Mapping[str, Floats], still: Sequence[str]) -> dict[str, Floats]:
@@ -327,6 +319,9 @@ def _exported(
             computed = f"{len(each.lengths[name])} of {len(each.frames)} frames"
             raise InputError("", f"muscle {name!r} has {computed}")
     lengths, arms = measured.lengths[name], measured.moment_arms()[name]
+    if missing := [coordinate for coordinate in run.crossed[name] if coordinate not in arms]:
+        problem = f"muscle {name!r} crosses {missing[0]!r}, and has no moment arms by it"
+        raise InputError("motion.coordinates", problem, "add the coordinate, or leave the key out")
     kept = np.arange(len(lengths))  # but for frames without moment arms: where paths do not come to rest
     for coordinate in run.crossed[name]:
         kept = np.intersect1d(kept, arms[coordinate].frames)
