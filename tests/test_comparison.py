@@ -45,7 +45,11 @@ class Made:
 
 
 def test_runs_differ_by_what_they_differ_by():
-    table = vtkmuscle.compare({"one": Made(0.5), "other": Made(0.6)}).table()
+    other = Made(0.6)
+    other.lengths["vastus_r"][3] = np.nan  # whose paths did not come to rest
+    table = vtkmuscle.compare({"one": Made(0.5), "other": other}).table()
+    lengths = table.where(quantity="length, bone to bone", run="other")
+    assert lengths["difference"][0] == pytest.approx(0.1 * np.delete(ANGLES, 3).mean())
     arms = table.where(quantity="moment arm, knee angle", run="other")
     assert arms["difference"][0] == pytest.approx(0.1 * ANGLES.mean())
     assert arms["difference_largest"][0] == pytest.approx(6.0)
@@ -144,7 +148,10 @@ def test_nothing_in_common_is_one_clear_error():
 def test_a_table_and_a_figure_are_written(tmp_path):
     published = tmp_path / "published.csv"
     published.write_text("source,muscle,dof,angle_deg,moment_arm_mm\nA1999,vastus,knee_angle,5,30\n")
-    compared = vtkmuscle.compare({"one": Made(), "other": Made(0.6)}, literature=published)
+    other = Made(0.6)
+    compared = vtkmuscle.compare({"one": Made(), "other": other}, literature=published)
+    other.literature = {other.muscle: compared.literature["vastus"]}
+    assert vtkmuscle.compare({"one": Made(), "other": other}).literature == compared.literature
     table, picture = compared.write(tmp_path / "out")
     assert len(table.read_text().splitlines()) == 1 + 2 * 2
     assert picture.read_bytes().startswith(b"\x89PNG")

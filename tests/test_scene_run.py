@@ -252,8 +252,12 @@ def test_the_tables_hold_the_result(result, out):
 
 def test_without_a_folder_nothing_is_written(scene, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    scene.run(frames=0)
+    result = scene.run(frames=0)
     assert files(tmp_path) == []
+    for data in (result.fibres("spindle", frame=0), *result.rest_bones(), *result.bones(frame=0)):
+        data.points *= 0.0  # whose they are alone
+    for data in (result.fibres("spindle", frame=0), *result.rest_bones(), *scene.bones.values()):
+        assert np.ptp(points_of(data)) > 1.0
 
 
 # ------------------------------------------------------------------------------- options

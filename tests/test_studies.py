@@ -15,6 +15,7 @@ from two_joint_scene import save_strap, scene_with
 import vtkmuscle
 from vtkmuscle import Scene, phantoms
 from vtkmuscle.cli import Status
+from vtkmuscle.core.paths.poses import KeptPoses
 from vtkmuscle.run.store import ResultFolder
 
 
@@ -54,6 +55,15 @@ def test_a_row_has_the_numbers_of_a_run(scene):
     assert (table["subject"][0], table["muscle"][0], table["verdict"][0]) == ("anna", "spindle", "ok")
 
 
+def test_frames_whose_paths_do_not_come_to_rest_have_no_part_in_means(scene, monkeypatch):
+    def unsettled(poses, now, at=KeptPoses.at, **more):
+        return replace(at(poses, now, **more), settled=bool(np.allclose(now, np.eye(4), atol=0.06)))
+
+    monkeypatch.setattr(KeptPoses, "at", unsettled)
+    table = vtkmuscle.cohort({"anna": scene}, workers=1, frames="0:4", deformer="none")
+    assert table["length_mm"][0] == pytest.approx(scene.run(frames="0:2").lengths["spindle"].mean())
+
+
 def test_a_finished_folder_is_read_and_a_changed_scene_is_run(scene, tmp_path, solved):
     first = vtkmuscle.cohort({"anna": scene, "ben": scene}, tmp_path, workers=1, frames="0:1")
     text = (tmp_path / "cohort.csv").read_text()
@@ -74,8 +84,11 @@ def test_a_missing_page_is_written_for_a_finished_subject(scene, tmp_path):
     first = vtkmuscle.cohort([scene], tmp_path, workers=1, frames="0:1")
     assert first["subject"].tolist() == [scene.name]
     again = vtkmuscle.cohort([scene], tmp_path, workers=1, frames="0:1", report=True)
-    assert (tmp_path / again["folder"][0] / "report.html").exists()
+    folder = tmp_path / again["folder"][0]
+    assert (folder / "report.html").exists()
     same_numbers(again, first)
+    (folder / "report.json").write_text((folder / "report.json").read_text() + " ")
+    same_numbers(vtkmuscle.cohort([scene], tmp_path, workers=1, frames="0:1"), first)
 
 
 @pytest.mark.slow

@@ -40,8 +40,22 @@ def test_a_value_that_is_not_allowed_is_refused_before_anything_runs(measured):
 
 
 def test_deformers_alone_are_compared(measured):
-    found = vtkmuscle.tradeoff(measured[0], frames="0:2", deformer=["none", "paths"])
+    found = vtkmuscle.tradeoff(
+        measured[0], frames="0:2", deformer=["none", "paths"], paths=[{"resolution": 8}]
+    )
+    assert found.cheapest(within=100.0)["paths"] == {"resolution": 8}
     assert found.table.where(muscle=ALL)["deformer"].tolist() == ["none", "paths"]
+
+
+def test_a_run_that_fails_as_a_whole_is_a_row_whatever_is_in_its_folder(measured, tmp_path):
+    scene = measured[0].with_settings(deformer="pbd", prediction="velocity", solved_triangles=0)
+    tried = {"frames": "0:1", "external_force": [[0.0, 0.0, 0.0], [1e308, 0.0, 0.0]]}
+    whole = vtkmuscle.tradeoff(scene, tmp_path, **tried).table.where(muscle=ALL)
+    assert whole["external_force"].tolist() == tried["external_force"]
+    found = [whole.where(external_force=force)["verdict"].item() for force in tried["external_force"]]
+    assert found == ["ok", "failed"]
+    other = vtkmuscle.tradeoff(replace(scene, name="other", files={}), tmp_path, **tried)
+    assert other.table["verdict"].tolist() == ["failed", "failed"]
 
 
 def test_published_curves_of_the_scene_are_compared(measured):

@@ -177,7 +177,8 @@ def compare(
                 if next(iter(quantities.get(key, {}).values()), curve).over != curve.over:
                     key += f", over {curve.over}"
                 quantities.setdefault(key, {})[run] = curve
-            compared.literature.setdefault(common, curves_for(published.get(muscle, ()), muscle=muscle))
+            own = curves_for(published.get(muscle, ()), muscle=muscle)
+            compared.literature[common] = compared.literature.get(common) or own
     if len(compared.curves) == len(compared.verdicts) and not any(compared.literature.values()):
         listed = "; ".join(f"{name}: {', '.join(result.muscle_names)}" for name, result in named.items())
         raise InputError("", f"no muscle is in two of the runs ({listed})", "muscles match by name")
@@ -220,9 +221,10 @@ def muscle_curves(result: Result, muscle: str) -> list[Curve]:
         times, poses = frames.astype(np.float64), np.column_stack([axes[name][1] for name in own])
     curves = []
     for quantity, lengths in ((_LENGTH, result.lengths), ("fibre length", result.fibre_lengths)):
-        if count := len(lengths.get(muscle, ())):
-            words, rows = (quantity, over, "mm"), lengths[muscle]
-            curves.append(_curve(words, times[:count], rows, None if poses is None else poses[:count]))
+        rows = lengths.get(muscle, np.empty((0, 1)))
+        if len(known := np.flatnonzero(np.isfinite(rows).all(axis=1))):  # where paths come to rest
+            at = times[known], rows[known], None if poses is None else poses[known]
+            curves.append(_curve((quantity, over, "mm"), *at))
     for name, joint in arms.items():
         quantity, unit = f"moment arm, {label_of(named[name])}", "mm" if joint.unit in ANGLES else "1"
         label, values = axes[name]

@@ -145,9 +145,9 @@ class Scene(SceneData, ByName):
         """Write the scene to a folder, as :meth:`load` reads it, and return the scene.toml.
 
         The folder is created if missing; files of equal names are replaced, but for the scene's own file,
-        which may have comments: a ValueError. Joints of the scene's own file are kept, those
-        of an OpenSim model are not: the motion is then written as tables of transforms and coordinates, and
-        moment arms of the saved scene are by coordinates that change alone.
+        which may have comments: a ValueError. Joints of the scene's own file are kept, if the
+        motion follows from them; those of an OpenSim model are not: the motion is then tables of transforms
+        and coordinates, and moment arms of the saved scene are by coordinates that change alone.
         """
         if Path(folder).suffix == ".toml":
             raise SceneError("a scene is a folder with a scene.toml", "save", "give the folder", Path(folder))

@@ -5,13 +5,15 @@ import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, as_completed
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from itertools import product
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+
+import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.machine import processors
@@ -234,7 +236,9 @@ def _finished(scene: Scene, out: Path, options: Mapping[str, Any]) -> Result | N
     if keys.keys() != folder.finished(keys).keys():
         return None
     there = {"report": (out / PAGE).exists(), "figures": "figures" in report}
-    return Result.load(out) if all(there[name] or not options[name] for name in there) else None
+    with suppress(InputError):  # a changed file: the run writes it again
+        return Result.load(out) if all(there[name] or not options[name] for name in there) else None
+    return None
 
 
 def _words(message: str, out: Path | None = None, muscle: str = "", verdict: str = "failed") -> Row:
@@ -253,7 +257,8 @@ def _row(result: Result, name: str, out: Path | None) -> Row:
     lengths = {"length": result.lengths, "fibre_length": result.fibre_lengths}
     means = {quantity: rows[name].mean(axis=1) for quantity, rows in lengths.items() if name in rows}
     means |= {f"moment_arm_{axis}": joint.mean for axis, joint in result.all_arms.get(name, {}).items()}
-    for quantity, mean in means.items():
+    settled = ((quantity, mean[np.isfinite(mean)]) for quantity, mean in means.items())
+    for quantity, mean in ((quantity, mean) for quantity, mean in settled if len(mean)):
         row[f"{quantity}_mm"] = float(mean.mean())
         row |= {f"{quantity}_least_mm": float(mean.min()), f"{quantity}_largest_mm": float(mean.max())}
     return row

@@ -78,7 +78,7 @@ class Tradeoff:
             least = "none has one" if np.isnan(errors).all() else f"the least is {np.nanmin(errors):.3g} mm"
             raise InputError("within", f"no setting has an error of {within:g} mm or less; {least}")
         best = int(allowed[np.argmin(whole["ms"][allowed])])
-        cheapest = {name: whole[name][best].item() for name in (*self.settings, "verdict", "ms")}
+        cheapest = {name: whole[name].tolist()[best] for name in (*self.settings, "verdict", "ms")}
         return cheapest | {"error_mm": float(errors[best])}
 
     def figure(self) -> "Figure":
@@ -168,8 +168,9 @@ def tradeoff(
         table = run_labelled(labelled, folder, None, workers, progress, options)
         messages = dict(zip(table["folder"], table["message"], strict=True))
         folders = [folder / folder_name(labels) for labels, _ in labelled]
-        # A run that has failed as a whole has no report.
-        results = [Result.load(own) if (own / "report.json").is_file() else None for own in folders]
+        # A run that has failed as a whole has a row without a muscle, and its folder may have another run.
+        ended = {name for name, muscle in zip(table["folder"], table["muscle"], strict=True) if muscle}
+        results = [Result.load(own) if own.name in ended else None for own in folders]
         at_limit = dict(zip(deformers, results[len(tried) :], strict=True))
         rows: list[list[Any]] = []
         for values, result in zip(tried, results, strict=False):

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 import pyvista as pv
-from vtkmodules.vtkCommonCore import VTK_DOUBLE, vtkPoints
+from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersSources import vtkPlaneSource
 
 from vtkmuscle.data import arrays, attachments
+from vtkmuscle.data.paths import path_lines_of
 
 POINTS = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
 TRIANGLES = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
@@ -20,13 +21,6 @@ def lines_with_shared_points(**more):
 
 
 # -------------------------------------------------------------------- points and surfaces
-
-
-def test_surface_keeps_points_and_triangles():
-    surface = arrays.surface_from(POINTS, TRIANGLES)
-    assert surface.GetPoints().GetDataType() == VTK_DOUBLE
-    np.testing.assert_array_equal(arrays.points_of(surface), POINTS)
-    np.testing.assert_array_equal(arrays.triangles_of(surface, "here"), TRIANGLES)
 
 
 def test_surface_of_faces_with_more_corners_is_refused():
@@ -64,15 +58,6 @@ def test_with_points_keeps_the_rest_but_normals_and_leaves_the_input():
 # -------------------------------------------------------------------- polylines
 
 
-def test_polylines_round_trip():
-    lines = arrays.Polylines(np.arange(15.0).reshape(5, 3), np.array([0, 2, 5]))
-    back = arrays.polylines_of(arrays.polylines_from(lines), "here")
-    np.testing.assert_array_equal(back.points, lines.points)
-    np.testing.assert_array_equal(back.offsets, lines.offsets)
-    assert len(back) == 2
-    np.testing.assert_array_equal(back.line(1), lines.points[2:])
-
-
 def test_polylines_that_share_points_get_their_own():
     lines = arrays.polylines_of(lines_with_shared_points(), "here")
     np.testing.assert_array_equal(lines.offsets, [0, 3, 6])
@@ -94,6 +79,8 @@ def test_a_copy_of_lines_puts_point_arrays_in_the_order_of_the_lines():
     np.testing.assert_array_equal(arrays.point_array(result, "id", "here"), [2, 1, 0, 1, 3, 4])
     np.testing.assert_array_equal(arrays.cell_array(result, "FibreId", "here"), [10, 11])
     np.testing.assert_array_equal(arrays.field_array(result, "Transform"), np.arange(16.0))
+    paths = path_lines_of(arrays.add_arrays(data, points={"RestPosition": 2.0 * arrays.points_of(data)}), "")
+    np.testing.assert_array_equal(paths.rest, 2.0 * paths.points)
 
 
 @pytest.mark.parametrize("offsets", [(0, 2, 5), (0, 3, 6)])
@@ -108,6 +95,10 @@ def test_lines_of_other_points_drop_point_arrays_only(offsets):
 def test_polylines_among_other_cells_are_refused():
     with pytest.raises(ValueError, match=r"here: 1 cell\(s\) are not polylines"):
         arrays.polylines_of(lines_with_shared_points(verts=[1, 0]), "here")
+    lines = lines_with_shared_points()
+    lines.GetLines().InsertNextCell(0)
+    with pytest.raises(ValueError, match="here: a polyline has no points; remove the cell"):
+        arrays.polylines_of(lines, "here")
 
 
 # -------------------------------------------------------------------- arrays

@@ -146,15 +146,6 @@ def test_names_that_vtk_owns_are_refused(name):
 # -------------------------------------------------------------------- connections
 
 
-def test_running_on_data_leaves_the_connections():
-    shift = Shift(shape=line(10.0))
-    assert x_of(shift(line(20.0))) == 21.0
-    assert x_of(shift.update().output) == 11.0
-    with pytest.raises(ValueError, match="no points"):
-        shift(vtkPolyData())
-    assert x_of(shift.update().output) == 11.0
-
-
 def test_results_are_copies_that_later_updates_do_not_change():
     shift = Shift()
     first = shift.apply(line(1.0))

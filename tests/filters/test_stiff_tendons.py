@@ -55,7 +55,9 @@ def test_an_end_on_a_part_that_is_fixed_to_a_bone_stays_with_the_part(muscle):
     free, fixed = shallow_copy(muscle), shallow_copy(muscle)
     add_arrays(free, points={"FixedTo": np.full(muscle.GetNumberOfPoints(), -1, dtype=np.int32)})
     add_arrays(fixed, points={"FixedTo": np.where(points_of(muscle)[:, 2] > 10.0, 0, -1).astype(np.int32)})
-    off = [np.linalg.norm(held(line, surface, paths(SHORTER)).points[-1] - top) for surface in (free, fixed)]
+    tendons, off = StiffTendons(rest_fibres=line, deformed_muscle=muscle, paths=paths(SHORTER)), []
+    for tendons.fibres, tendons.rest_muscle in ((line, free), (line, fixed)):
+        off.append(np.linalg.norm(points_of(tendons.output)[-1] - top))
     assert off[1] < 1e-9
     assert off[0] > 1.0
 

@@ -25,6 +25,7 @@ from vtkmuscle.opensim.muscle_paths import PointPath, moment_arm
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.joints import pin_joint_of
 
+GRID = {"upper": [-10, 30, 10], "lower": [0, 30, 30]}
 ARCHITECTURE = {
     "fascicle_length_mm": {"mean": 80.0},
     "fascicle_pennation_origin_deg": {"mean": 10.0},
@@ -319,10 +320,17 @@ def test_a_hinge_is_exported_with_the_range_of_the_run(tmp_path):
     assert [float(limit) for limit in limits.split()] == pytest.approx(coordinate.range)
 
 
-def test_a_mirrored_scene_is_not_exported(ran, tmp_path):
-    mirrored = scene_with(ran[0].parent, tmp_path, motion={"grid": {"upper": [-10, 30, 10]}}, mirror="x")
-    with pytest.raises(SceneError, match="mirrored scenes are not exported"):
-        export(mirrored, tmp_path / "strap.osim")
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"motion": {"grid": GRID}, "mirror": "x"}, "mirrored scenes are not exported"),
+        ({"motion": {"grid": GRID, "coordinates": ["upper"]}}, "crosses 'lower', and has no moment arms"),
+    ],
+)
+def test_a_scene_that_cannot_be_exported_says_why(ran, tmp_path, changes, words):
+    file = scene_with(ran[0].parent, tmp_path, **changes)
+    with pytest.raises(ValueError, match=words):
+        export(file, tmp_path / "strap.osim", sense=False)
 
 
 def test_the_command_line_prints_errors_and_properties(results, tmp_path):

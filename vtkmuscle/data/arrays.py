@@ -189,6 +189,8 @@ def polylines_of(data: vtkPolyData, where: str) -> Polylines:
     if not np.isfinite(points).all():
         raise InputError(where, "some points are not finite", "correct the points")
     offsets = np.array(vtk_to_numpy(lines.GetOffsetsArray()), dtype=np.int64)
+    if not np.diff(offsets).all():
+        raise InputError(where, "a polyline has no points", "remove the cell")
     if not np.array_equal(order, np.arange(data.GetNumberOfPoints())):
         source, data = data.GetPointData(), Polylines(points, offsets, data).moved(points, offsets)
         _copy_tuples(order, source, data.GetPointData())

@@ -52,8 +52,9 @@ def path_lines_of(data: vtkPolyData, where: str) -> PathLines | None:
     """Return paths, None for an empty data set."""
     if not data.GetNumberOfCells():
         return None
-    rest = point_array(data, REST_POSITION, where)
-    points = polylines_of(data, where).stacked(where, "connect TautPaths")
+    lines = polylines_of(data, where)  # with point arrays in the order of the lines
+    rest = point_array(lines.data, REST_POSITION, where)
+    points = lines.stacked(where, "connect TautPaths")
     return PathLines(data, np.asarray(rest, dtype=np.float64).reshape(points.shape), points)
 
 

@@ -1,12 +1,14 @@
 """Fibres in a deformed muscle: moved with it, and with the tendons at their ends held."""
 
+from typing import Any
+
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.embedding import EmbeddedPoints, Tendons
 from vtkmuscle.core.mesh.triangle_tree import shared_tree
-from vtkmuscle.core.types import Bools, Floats
+from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data.arrays import Polylines, add_arrays
 from vtkmuscle.data.muscle_geometry import ROUGHNESS, Surface
 from vtkmuscle.data.paths import PathLines
@@ -168,10 +170,14 @@ class StiffTendons(Filter):
         _check_same(rest_muscle, deformed_muscle)
         lines = rest_fibres.stacked("rest_fibres", "FibreSource makes such fibres")
 
-        def tendons(lines: Floats, paths: Floats) -> Tendons:
-            return Tendons(lines, paths, _on_bone(rest_muscle, lines[:, [0, -1]]))
+        array = rest_muscle.data.GetPointData().GetArray("FixedTo")
+        fixed_to = np.full(len(rest_muscle.points), -1) if array is None else np.array(array)
 
-        held = self.once("tendons", (lines, paths.rest), tendons)
+        def tendons(lines: Floats, paths: Floats, *_: Any) -> Tendons:
+            return Tendons(lines, paths, _on_bone(rest_muscle, fixed_to, lines[:, [0, -1]]))
+
+        at_rest = lines, paths.rest, rest_muscle.points, rest_muscle.triangles, fixed_to
+        held = self.once("tendons", at_rest, tendons)
         moved = held.placed(fibres.points.reshape(lines.shape), paths.points).reshape(-1, 3)
         inputs = rest_fibres.points, rest_muscle.points, rest_muscle.triangles, 0.0
         self.once("embedded", inputs, EmbeddedPoints).keep_within(moved, deformed_muscle.points)
@@ -187,12 +193,9 @@ def _check_same(rest: Surface, deformed: Surface) -> None:
         raise InputError("", problem, "connect the same mesh, before and after the deformation")
 
 
-def _on_bone(muscle: Surface, ends: Floats) -> Bools:
-    """Return a mask of ends (k, 2, 3) on fixed triangles."""
+def _on_bone(muscle: Surface, fixed_to: Ints, ends: Floats) -> Bools:
+    """Return a mask of ends (k, 2, 3) on triangles of fixed points."""
     geometry = muscle.geometry
-    fixed_to = muscle.data.GetPointData().GetArray("FixedTo")
-    if fixed_to is None:
-        return np.zeros(ends.shape[:2], dtype=np.bool_)
     faces, _, apart = shared_tree(geometry.points, geometry.triangles).nearest(ends.reshape(-1, 3))
-    on_bone = (np.asarray(fixed_to) >= 0)[geometry.triangles[faces]].all(axis=1)
+    on_bone = (fixed_to >= 0)[geometry.triangles[faces]].all(axis=1)
     return (on_bone & (apart <= ROUGHNESS * geometry.mean_edge)).reshape(ends.shape[:2])

@@ -319,6 +319,9 @@ def _exported(
             computed = f"{len(each.lengths[name])} of {len(each.frames)} frames"
             raise InputError("", f"muscle {name!r} has {computed}")
     lengths, arms = measured.lengths[name], measured.moment_arms()[name]
+    if missing := [coordinate for coordinate in run.crossed[name] if coordinate not in arms]:
+        problem = f"muscle {name!r} crosses {missing[0]!r}, and has no moment arms by it"
+        raise InputError("motion.coordinates", problem, "add the coordinate, or leave the key out")
     kept = np.arange(len(lengths))  # but for frames without moment arms: where paths do not come to rest
     for coordinate in run.crossed[name]:
         kept = np.intersect1d(kept, arms[coordinate].frames)

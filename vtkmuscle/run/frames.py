@@ -234,8 +234,8 @@ class MuscleTrack:
         """Return the errors (f,) of the mean change of path length since rest [mm], and their parts."""
         if not self.lengths:
             return {}
-        changes = np.array(self.lengths) - self.rest_lengths
-        further = {"numerical": np.array(self.segment_errors), "bow": levers_over_time(self.bows)[""]}
+        changes, bows = np.array(self.lengths) - self.rest_lengths, levers_over_time(self.bows)
+        further = {"numerical": np.array(self.segment_errors), "bow": bows.get("", np.zeros(len(changes)))}
         return mean_errors(changes, self.ratios, **further)
 
     def add_lengths(self, fibres: vtkPolyData, millimetres: float) -> None:

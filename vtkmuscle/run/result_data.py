@@ -133,9 +133,7 @@ class ResultData(ByName):
 
     def bones(self, *, frame: int | None = None, time: float | None = None) -> Any:
         """Return the bones in a kept frame, a block each, with the field array ``Transform``."""
-        moved = vtkMultiBlockDataSet()
-        moved.ShallowCopy(self._mover.update(time=self.times[self._position(frame, time)]).output)
-        return _wrapped(moved)
+        return _wrapped(self._mover.update(time=self.times[self._position(frame, time)]).output)
 
     def rest_muscle(self, name: str) -> Any:
         """Return a muscle at rest, with the point array ``FixedTo``."""
@@ -367,9 +365,10 @@ def _read_only(rows: Mapping[str, Sequence[Floats]]) -> dict[str, Floats]:
 
 
 def _wrapped(data: vtkDataObject | None) -> Any:
+    """Return a copy of data as PyVista's. The result, and the scene, stay as they are when it is changed."""
     import pyvista  # noqa: PLC0415 -- a run needs none
 
-    return pyvista.wrap(data)
+    return None if data is None else pyvista.wrap(data).copy()
 
 
 def _listed(values: Sequence[float]) -> str:

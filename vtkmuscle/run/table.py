@@ -52,7 +52,7 @@ class Table(Remedies, Mapping[str, NDArray[Any]]):
         listed = [[np.nan if value is None else value for value in row] for row in rows]
         self._names = tuple(columns)
         #: The columns of each part, the parts one below the other; joined where a column is asked for.
-        self._parts = [tuple(np.array([row[i] for row in listed]) for i in range(len(columns)))]
+        self._parts = [tuple(_column([row[i] for row in listed]) for i in range(len(columns)))]
 
     @classmethod
     def stacked(cls, columns: Sequence[str], parts: Iterable[Mapping[str, Any]]) -> Self:
@@ -106,7 +106,8 @@ class Table(Remedies, Mapping[str, NDArray[Any]]):
                 raise InputError("", f"the table has no column {name!r}", suggestion(name, self))
             column = self[name]
             floats = np.issubdtype(column.dtype, np.floating)
-            kept &= np.isclose(column, value, rtol=1e-9, atol=1e-9) if floats else column == value
+            equal = [each == value for each in column.tolist()]  # a vector is a value
+            kept &= np.isclose(column, value, rtol=1e-9, atol=1e-9) if floats else equal
         return self.stacked(self._names, [{name: column[kept] for name, column in self.items()}])
 
     def to_csv(self, path: str | PathLike[str], *, digits: int | None = None) -> Path:
@@ -240,6 +241,12 @@ def optional_package(name: str, use: str, brought_by: str = "", file: Path | Non
 def error_sizes(errors: Mapping[str, Floats]) -> dict[str, float | None]:
     """Return root mean squares over the frames of an error and its parts."""
     return {f"{part}_mm": root_mean_square(values) for part, values in errors.items()}
+
+
+def _column(values: list[Any]) -> NDArray[Any]:
+    """Return values as an array (n,), vectors as objects."""
+    vectors = any(isinstance(value, list | tuple) for value in values)
+    return np.fromiter(values, object, len(values)) if vectors else np.array(values)
 
 
 def _cells(column: NDArray[Any], digits: int | None) -> Iterable[Any]:

@@ -37,8 +37,7 @@ class Muscle:
     solver, fixing : mapping
         Parameters of the deformer and of FixedPointDetector that differ from the scene's.
     superficial_fibres : vtkPolyData, optional
-        Polylines: fibres observed on the surface, in the rest pose. They orient the template and select the
-        soft edges of Algorithm 2.
+        Polylines: fibres observed on the surface, in the rest pose. They orient the template.
     literature : sequence of LiteratureCurve
         Published moment arms of the muscle, for the figures of a run.
     crosses : tuple of str, optional

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,15 @@ import tomli_w
 
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.types import ROUNDING
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.data.attachments import SIDES, VIA, AttachmentArea, aponeuroses_data
 from vtkmuscle.io import write_literature, write_motion_table, write_polydata, write_text
 from vtkmuscle.io.csv_table import write_rows
 from vtkmuscle.io.writing import Outputs, write_json
-from vtkmuscle.scene.data import Muscle, SceneData, parsed
+from vtkmuscle.scene.data import Muscle, SceneData, SceneFiles, parsed
+from vtkmuscle.scene.joints import joints_of
+from vtkmuscle.scene.schema import SceneTable
 
 #: Schema by which 3D Slicer recognises its curves.
 _SCHEMA = (
@@ -130,11 +134,20 @@ def _muscle(name: str, muscle: Muscle, motion: RigidMotion) -> dict[str, Any]:
 
 
 def _joints(scene: SceneData) -> dict[str, Any]:
-    """Return the joints of the scene's own file. Empty for bones moved otherwise, and mirrored scenes."""
-    path, axes = scene.files.get(""), scene.motion.coordinates.values()
-    table = parsed(path) if path and scene.joints and all(own.twists is not None for own in axes) else {}
-    joints: dict[str, Any] = {} if "mirror" in table else table.get("joints", {})
-    return joints
+    """Return the joints of the scene's own file. Empty if they do not move the bones as the scene does."""
+    path, motion, still = scene.files.get(""), scene.motion, np.eye(4)
+    with suppress(ValueError):  # the file, or the coordinates, are others by now
+        table = parsed(path) if path and scene.joints else {}
+        joints: dict[str, Any] = {} if "mirror" in table else table.get("joints", {})
+        if path and joints and (own := joints_of(SceneTable.model_validate(table), SceneFiles(path))):
+            angles = {each.name for each in own.tree.coordinates if each.is_angle}
+            values = {name: q.values for name, q in _free(motion, joints).items()}
+            read = {name: np.radians(each) if name in angles else each for name, each in values.items()}
+            theirs = own.motion_of(motion.times, read, ()).transforms
+            both = [(motion.transforms.get(bone, still), theirs.get(bone, still)) for bone in scene.bones]
+            if all(np.allclose(ours, moved, rtol=ROUNDING, atol=ROUNDING) for ours, moved in both):
+                return joints
+    return {}
 
 
 def _free(motion: RigidMotion, joints: Mapping[str, Any]) -> dict[str, Coordinate]:

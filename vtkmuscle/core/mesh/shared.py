@@ -61,8 +61,9 @@ def same_content(first: Any, second: Any) -> bool:
     """Return whether values are equal; arrays count by content, tuples by their items."""
     if first is second:
         return True
-    if isinstance(first, np.ndarray):
-        return isinstance(second, np.ndarray) and np.array_equal(first, second)
+    arrays = [isinstance(each, np.ndarray) for each in (first, second)]
+    if any(arrays):
+        return all(arrays) and np.array_equal(first, second)
     if isinstance(first, tuple) and isinstance(second, tuple):
         return len(first) == len(second) and all(map(same_content, first, second))
     return bool(first == second)

@@ -30,7 +30,7 @@ class Algorithm(VTKPythonAlgorithmBase):
     input_ports: ClassVar[tuple[InputPort, ...]] = ()
     output_ports: ClassVar[tuple[OutputPort, ...]] = ()
 
-    #: Input port with the announced time steps, if not the first port.
+    #: Input port with the announced time steps, if not the first port that has any.
     times_from: ClassVar[str | None] = None
     #: Pipeline time of the request being executed; None where the pipeline has no time.
     request_time: float | None = None
@@ -57,11 +57,10 @@ class Algorithm(VTKPythonAlgorithmBase):
         raise NotImplementedError
 
     def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
-        """Return the output's time steps; None passes on the first input's steps."""
-        if self.times_from is None:
-            return None
-        number = [port.name for port in self.input_ports].index(self.times_from)
-        return times_of(inputs_information[number]) or None
+        """Return the output's time steps: of ``times_from``, else of the first input that has any."""
+        by_port = zip(self.input_ports, inputs_information, strict=True)
+        steps = {port.name: times_of(information) for port, information in by_port}
+        return steps.get(self.times_from or "") or next(filter(None, steps.values()), None)
 
     def parameters(self) -> dict[str, Any]:
         """Return the parameters by name."""
