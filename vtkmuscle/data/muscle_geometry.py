@@ -187,7 +187,7 @@ def aponeurosis_surfaces(
     areas: Sequence[AttachmentArea] = (),
 ) -> tuple[EndSurface, EndSurface]:  # fmt: skip
     """Return the proximal and the distal aponeurosis of a muscle."""
-    proximal, distal = (_aponeurosis(aponeuroses, side, geometry, where) for side in SIDES)
+    proximal, distal = (_of_side(aponeuroses, side, geometry, where) for side in SIDES)
     overlap = max(_share_in(proximal, distal, geometry), _share_in(distal, proximal, geometry))
     if overlap > surfaces.NOISE:  # rings may share a rim
         problem = f"the aponeuroses overlap: {100 * overlap:.0f} % of an area is in both"
@@ -204,13 +204,11 @@ def aponeurosis_surfaces(
     return proximal, distal
 
 
-def _aponeurosis(
-    aponeuroses: Sequence[Aponeurosis], side: str, geometry: MuscleGeometry, where: str
-) -> EndSurface:
+def _of_side(sheets: Sequence[Aponeurosis], side: str, geometry: MuscleGeometry, where: str) -> EndSurface:
     """Return the aponeuroses of a side as one surface."""
     shapes: list[Shape] = []
     label = f"{where}: {side}"
-    for sheet in aponeuroses:
+    for sheet in sheets:
         if sheet.side == side:
             _check_distance(sheet.points, geometry, label)
             ring = AttachmentArea("origin", "", sheet.points, closed=True)

@@ -98,9 +98,7 @@ class FixedPointDetector(Filter):
     def execute(self, muscle: Surface, bones: Bones, attachments: Areas | None) -> vtkPolyData:
         """Return the muscle with its fixed points marked."""
         by_area = self.method == "attachment"
-        claims = (
-            self._by_attachment(muscle, bones, attachments) if by_area else self._by_distance(muscle, bones)
-        )
+        claims = self._by_areas(muscle, bones, attachments) if by_area else self._by_distance(muscle, bones)
         fixed_to = np.full(len(muscle.points), -1, dtype=np.int32)
         nearest = np.full(len(muscle.points), np.inf)
         for bone, ids, distances in claims:
@@ -117,7 +115,7 @@ class FixedPointDetector(Filter):
         fields = {FIXED_TO_BONES: list(bones)}
         return add_arrays(shallow_copy(muscle.data), points={"FixedTo": fixed_to}, fields=fields)
 
-    def _by_attachment(self, muscle: Surface, bones: Bones, areas: Areas | None) -> Iterator[Claim]:
+    def _by_areas(self, muscle: Surface, bones: Bones, areas: Areas | None) -> Iterator[Claim]:
         """Yield the points of each area, with distances to the nearest landmark."""
         if areas is None:
             remedy = "connect attachments, or choose the method 'proximity' or 'collision'"

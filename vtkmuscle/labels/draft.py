@@ -364,9 +364,8 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
             what = ("a ring", 1.0 - likely) if closed else ("an open curve", likely)
             draft.guess(key, *what, why)
         area = AttachmentArea(role, bone, points, closed, False, sure)
-        for _, problem, remedy, _ in disorder(
-            key, area, longest_side(points_of(draft.muscles[muscle])), "mm"
-        ):
+        size = longest_side(points_of(draft.muscles[muscle]))
+        for _, problem, remedy, _ in disorder(key, area, size, "mm"):
             draft.guess(key, f"landmarks of {file.name}", 0.0, f"{role}: {problem}; {remedy}")
             area = replace(area, confidence=0.0)
         draft.areas.setdefault(muscle, []).append(area)

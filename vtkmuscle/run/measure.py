@@ -125,18 +125,16 @@ class MuscleMeasure:
             deeper = float(grown.max(initial=0.0)) * self._millimetres
         return row | {"fibres_penetration_new_max_mm": deeper}
 
-    def hooked_paths(
-        self, paths: Floats, rings: Sequence[AttachmentArea], now: Mapping[str, Floats]
-    ) -> float:
+    def hooked_paths(self, paths: Floats, rings: Sequence[AttachmentArea], at: Mapping[str, Floats]) -> float:
         """Return the share of paths (k, n, 3) that turn sharply where no bone or via ring presses."""
         path, positions, reach = sharp_turns(paths)
         reach += self._standoff
         for name, bone in self._shapes.items():
-            here = apply_transform(inverse(now.get(name, np.eye(4))), positions)
+            here = apply_transform(inverse(at.get(name, np.eye(4))), positions)
             away = np.abs(bone.solids.distances(here)) > reach
             path, positions, reach = path[away], positions[away], reach[away]
         for ring in rings:
-            landmarks = apply_transform(now.get(ring.bone, np.eye(4)), ring.landmarks)
+            landmarks = apply_transform(at.get(ring.bone, np.eye(4)), ring.landmarks)
             centre = landmarks.mean(axis=0)
             size = float(np.linalg.norm(landmarks - centre, axis=1).max())
             away = np.linalg.norm(positions - centre, axis=1) > size + reach

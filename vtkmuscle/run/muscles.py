@@ -184,7 +184,7 @@ class MuscleRun:
             with self._timed(stage, pipeline.metrics) as carried:
                 fibres = arrays.shallow_copy(pipeline.metrics.update(time=now).output)
         with self._timed("measuring"):
-            depths = None if fibres is None else _add_penetration(fibres, measure, transforms)
+            depths = None if fibres is None else _add_depths(fibres, measure, transforms)
             paths = None if fibres is None else paths_of(fibres, "fibres")
             if paths is not None:
                 rings = [area for area in self.scene.muscles[self.name].attachments if area.role == VIA]
@@ -333,9 +333,7 @@ def _settling(pipeline: MusclePipeline) -> dict[str, float]:
     return {name: value[0].item() for name, value in values.items() if value is not None}
 
 
-def _add_penetration(
-    fibres: vtkPolyData, measure: MuscleMeasure, transforms: Mapping[str, Any]
-) -> Floats | None:
+def _add_depths(fibres: vtkPolyData, measure: MuscleMeasure, transforms: Mapping[str, Any]) -> Floats | None:
     """Add the depth of each fibre in bones as ``Penetration``; return the depths of points, or None."""
     lines = arrays.polylines_of(fibres, "fibres")
     depths = measure.depths(lines.points, transforms)

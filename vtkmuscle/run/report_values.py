@@ -59,9 +59,8 @@ def architecture_of(
     of_ends = [estimate.lengths for estimate in ends]
     if between_aponeuroses:
         source, lengths, of_ends = "aponeuroses", whole, [whole, whole]
-        origin, insertion = (
-            cell_array(measures, f"Pennation{end}", "fibres") for end in ("Origin", "Insertion")
-        )
+        names = "PennationOrigin", "PennationInsertion"
+        origin, insertion = (cell_array(measures, name, "fibres") for name in names)
         own, *ends = (of_fibres.Fascicles(whole, origin, insertion, each.volume) for each in (own, *ends))
     elif tendon is not None and tendon < whole.min():
         source, lengths = "scene", whole - tendon

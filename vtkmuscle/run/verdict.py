@@ -259,10 +259,8 @@ def _look(
 def _hill(muscle: Judged) -> Iterator[Reason]:
     """Yield Hill's parameters that do not fit the muscle's own path."""
     hill, path = muscle.scene.muscles[muscle.name].hill, muscle.path
-    for key, least, most in (
-        ("optimal_fibre_length", SHORTEST_FIBRE, LONGEST_FIBRE),
-        ("tendon_slack_length", 0.0, 1.0),
-    ):
+    fibre = "optimal_fibre_length", SHORTEST_FIBRE, LONGEST_FIBRE
+    for key, least, most in (fibre, ("tendon_slack_length", 0.0, 1.0)):
         ratio = hill.get(key, np.nan) * muscle.scene.millimetres / path
         if ratio < least or ratio > most:
             says = f"{key} is {ratio * path:.3g} mm, but the muscle's path is {path:.3g} mm long"

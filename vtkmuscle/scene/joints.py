@@ -127,10 +127,9 @@ class SceneJoints:
         def moved(at: Mapping[str, ArrayLike]) -> dict[str, Floats]:
             """Return the motion of each bone from rest, (f, 4, 4)."""
             now = tree.poses(at)
-            hold = rest[self.fixed] @ inverses(now[self.fixed])
+            to = back @ (rest[self.fixed] @ inverses(now[self.fixed]))
             return {
-                bone: back @ hold @ now[body] @ inverses(rest[body]) @ placed
-                for bone, body in self.bodies.items()
+                bone: to @ now[body] @ inverses(rest[body]) @ placed for bone, body in self.bodies.items()
             }
 
         def coordinate(name: str) -> Coordinate:

@@ -64,9 +64,7 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
         for number, area in enumerate(muscle.attachments):
             key = f"muscles.{name}.attachments[{number}].landmarks"
             odd = disorder(key, area, longest_side(surface.points), scene.units)
-            yield from (
-                finding for finding in odd if area.closed or finding.certain
-            )  # loose points are allowed
+            yield from (each for each in odd if area.closed or each.certain)  # loose points are allowed
         yield from _on_bones(scene.millimetres, name, muscle, anatomy)
         yield from _in_bones(scene.millimetres, name, anatomy)
     if scene.muscle_contact != "off":

@@ -67,10 +67,8 @@ def straight_fibres(origin: EndSurface, insertion: EndSurface, count: int, resol
     Fibres are spread evenly over both areas. The area that takes more fibres keeps a bare part.
     """
     candidates = [area.samples.dense(CANDIDATES * max(count, COARSE)) for area in (origin, insertion)]
-    areas = zip(
-        (origin, insertion), even_positions(_taken(origin, insertion, candidates), count), strict=True
-    )
-    starts, ends = (area.samples.onto(positions) for area, positions in areas)
+    even = even_positions(_taken(origin, insertion, candidates), count)
+    starts, ends = origin.samples.onto(even[0]), insertion.samples.onto(even[1])
     ends = ends[matched_ends(starts, ends)]
     t = np.linspace(0.0, 1.0, resolution + 1)[:, None]
     return (1.0 - t) * starts[:, None] + t * ends[:, None]

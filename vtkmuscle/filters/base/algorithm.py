@@ -201,7 +201,5 @@ class Algorithm(VTKPythonAlgorithmBase):
 
 def _first_of_each(inInfo: Any) -> list[Any]:
     """Return each port's first connection, None for an open port."""
-    return [
-        port.GetInformationObject(0) if port.GetNumberOfInformationObjects() else None
-        for port in inInfo or ()
-    ]
+    ports = inInfo or ()
+    return [each.GetInformationObject(0) if each.GetNumberOfInformationObjects() else None for each in ports]
