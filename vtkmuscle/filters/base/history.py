@@ -97,7 +97,7 @@ class HistoryFilter(Filter, Generic[Frame]):
         self.report_progress((done + part) / count)
 
     def RequestUpdateExtent(self, request: Any, inInfo: Any, outInfo: Any) -> int:
-        """Forget frames of other inputs or parameters; request the moving inputs at the requested time.
+        """Request the moving inputs at the requested time; forget frames after a change.
 
         :meth:`frame` requests earlier times. Another request here would be that of all filters with the same
         source. VTK's CONTINUE_EXECUTING would repeat the request for ever after a failure upstream.
