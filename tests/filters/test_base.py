@@ -277,10 +277,3 @@ def test_a_time_beyond_those_that_there_are_is_said():
 def test_a_time_that_is_not_finite_is_refused(time):
     with pytest.raises(ValueError, match=f"Clock: the time is {time}, but must be finite"):
         Clock().update(time)
-
-
-def test_time_reaches_the_source_through_other_filters():
-    chain = Clock() >> vtkCleanPolyData() >> Shift()
-    assert x_of(chain.last.update(time=2.0).output) == 3.0
-    chain.last.UpdateInformation()
-    assert times_of(chain.last.GetOutputInformation(0)) == (0.0, 0.5, 2.0)

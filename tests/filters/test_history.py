@@ -7,6 +7,7 @@ import pytest
 from test_pbd_deformer import bones, spindle
 from vtkmodules.vtkCommonCore import vtkWeakReference
 from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkCleanPolyData
 
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.data.arrays import add_arrays, field_array, points_of, surface_from, with_points
@@ -77,6 +78,16 @@ def test_frames_are_kept_and_a_time_between_steps_goes_on_from_the_step_before(t
     assert seen == [2.5]
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_another_filter_of_the_same_source_has_no_part_in_frames_and_its_own_time(total, order):
+    append, copy = vtkAppendPolyData(), vtkCleanPolyData(input_connection=total.shape.GetOutputPort())
+    for source in (total, copy)[::order]:
+        append.AddInputConnection(source.GetOutputPort())
+    append.UpdateTimeStep(3.0)
+    assert seen == [0.0, 1.0, 2.0, 3.0]
+    assert points_of(append.GetOutput())[::3, 0].tolist() == [3.0, 3.0]
+
+
 @pytest.mark.filterwarnings("ignore:.* is outside of the motion")
 def test_a_time_beyond_the_steps_has_the_frame_of_the_nearest_end(total):
     """Another step to the same pose had moved a surface by 0.6 mm."""
@@ -114,5 +125,5 @@ def test_data_on_the_way_are_freed_before_the_update_ends():
     steps = [2.0 * step for step in range(12)]
     moving = Observed(bones=bones(), motion=hinge("upper", (0.0, 25.0, 0.0), (1, 0, 0), steps))
     PBDDeformer(muscle=spindle(), rest_bones=bones(), bones=moving, iterations=1).update(steps[-1])
-    assert len(alive) == len(steps)
+    assert len(alive) == 1 + len(steps), "at the requested time, then at each step"
     assert max(alive) <= 2

@@ -365,7 +365,7 @@ def _read_only(rows: Mapping[str, Sequence[Floats]]) -> dict[str, Floats]:
 
 
 def _wrapped(data: vtkDataObject | None) -> Any:
-    """Return a copy of data as PyVista's. The result, and the scene, stay as they are when it is changed."""
+    """Return a copy of data as PyVista's. A change of it reaches neither result nor scene."""
     import pyvista  # noqa: PLC0415 -- a run needs none
 
     return None if data is None else pyvista.wrap(data).copy()

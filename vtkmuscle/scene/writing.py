@@ -134,7 +134,7 @@ def _muscle(name: str, muscle: Muscle, motion: RigidMotion) -> dict[str, Any]:
 
 
 def _joints(scene: SceneData) -> dict[str, Any]:
-    """Return the joints of the scene's own file. Empty if they do not move the bones as the scene does."""
+    """Return the joints of the scene's own file. None if they move bones otherwise than the scene."""
     path, motion, still = scene.files.get(""), scene.motion, np.eye(4)
     with suppress(ValueError):  # the file, or the coordinates, are others by now
         table = parsed(path) if path and scene.joints else {}

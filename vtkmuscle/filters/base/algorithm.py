@@ -57,7 +57,7 @@ class Algorithm(VTKPythonAlgorithmBase):
         raise NotImplementedError
 
     def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
-        """Return the output's time steps: of ``times_from``, else of the first input that has any."""
+        """Return the output's time steps. Those of ``times_from``, else of the first input with steps."""
         by_port = zip(self.input_ports, inputs_information, strict=True)
         steps = {port.name: times_of(information) for port, information in by_port}
         return steps.get(self.times_from or "") or next(filter(None, steps.values()), None)

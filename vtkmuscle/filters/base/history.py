@@ -53,8 +53,6 @@ class HistoryFilter(Filter, Generic[Frame]):
         self._frames: dict[Time, Frame] = {}
         self._made_with: object = None
         self._steps: tuple[float, ...] = ()
-        #: Time of the moving ports' arguments.
-        self._asked: float | None = None
         #: Number of finished frames of the path, and of all.
         self._done = 0, 1
         super().__init__(**settings)
@@ -75,10 +73,11 @@ class HistoryFilter(Filter, Generic[Frame]):
         takes the frame before (None at first) and the moving arguments, and returns the next frame.
         """
         path, memory = self.path, MEGABYTE * self.checkpoint_memory
-        for index in range(self._n_stored(path), len(path)):
+        first = self._n_stored(path)
+        for index in range(first, len(path)):
             self._done = index, len(path)
             before, data = self._frames[path[index - 1]] if index else None, arguments
-            if path[index] != self._asked:
+            if index > first or path[index] != self.request_time:
                 data = [self.data_at(*port, path[index]) for port in zip(self.moving, arguments, strict=True)]
             self._frames[path[index]] = advance(before, *data)
             thin(self._frames, self._steps, path[: index + 1], memory)
@@ -98,10 +97,10 @@ class HistoryFilter(Filter, Generic[Frame]):
         self.report_progress((done + part) / count)
 
     def RequestUpdateExtent(self, request: Any, inInfo: Any, outInfo: Any) -> int:
-        """Request the moving inputs at the first time without a frame.
+        """Request the moving inputs at the requested time; forget frames after a change.
 
-        :meth:`frame` requests later times. VTK's CONTINUE_EXECUTING would repeat the request for ever after a
-        failure upstream.
+        :meth:`frame` requests earlier times. Another request here would be that of all filters with the same
+        source. VTK's CONTINUE_EXECUTING would repeat the request for ever after a failure upstream.
         """
         numbers = [self._number_of(name) for name in self.moving]
         connected = [number for number in numbers if self.GetNumberOfInputConnections(number)]
@@ -116,10 +115,8 @@ class HistoryFilter(Filter, Generic[Frame]):
             self._frames.clear()
             return 1
         self.request_time = requested_time(outInfo.GetInformationObject(0))
-        path = self.path
-        self._asked = (path[self._n_stored(path) :] or path[-1:])[0]
         for number in connected:
-            request_time(inInfo[number].GetInformationObject(0), self._asked)
+            request_time(inInfo[number].GetInformationObject(0), self.request_time)
         return 1
 
     def _n_stored(self, path: Sequence[Time]) -> int:
