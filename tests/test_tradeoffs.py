@@ -34,6 +34,11 @@ def test_finer_paths_come_nearer_to_the_limit(measured):
     assert set(ERRORS) <= set(whole)
 
 
+def test_a_value_that_is_not_allowed_is_refused_before_anything_runs(measured):
+    with pytest.raises(ValueError, match="n_fibres: 0 is not allowed"):
+        vtkmuscle.tradeoff(measured[0], n_fibres=[8, 0])
+
+
 def test_deformers_alone_are_compared(measured):
     found = vtkmuscle.tradeoff(
         measured[0], frames="0:2", deformer=["none", "paths"], paths=[{"resolution": 8}]

@@ -21,6 +21,10 @@ def weights(noted):
     return noted(embedding, "mean_value_coordinates", "weights")
 
 
+def test_without_a_deformation_fibres_come_back_also_those_outside(fibres, muscle):
+    assert_allclose(points_of(FibreTransport()(fibres, muscle, muscle)), points_of(fibres), atol=1e-9)
+
+
 def test_rest_lengths_are_added_and_other_arrays_kept(fibres, muscle):
     add_arrays(fibres, cells={"FibreId": np.array([4, 5, 6])})
     moved = FibreTransport()(fibres, muscle, with_points(muscle, 0.5 * points_of(muscle)))
