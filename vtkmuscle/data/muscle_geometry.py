@@ -73,9 +73,12 @@ class MuscleGeometry:
 
     def covered(self, areas: Sequence[AttachmentArea], role: str) -> PatchSamples:
         """Return the surface of all areas of a role."""
-        patches = self._patches(areas, role)
+        return self.on(self._patches(areas, role))
+
+    def on(self, patches: Sequence[Patch]) -> PatchSamples:
+        """Return the surface of attachment areas."""
         key = [part for patch in patches for part in patch]
-        return self.once("covered", key, lambda: samples_of(self.points, self.triangles, patches))
+        return self.once("on", key, lambda: samples_of(self.points, self.triangles, patches))
 
     def _patches(self, areas: Sequence[AttachmentArea], role: str) -> list[Patch]:
         patches = []
@@ -240,8 +243,10 @@ def joined_surface(
         triangles.append(inner[1] + first)
         patches.append(Patch(first + np.arange(len(inner[0])), np.empty((0, 3), dtype=np.int64)))
         first += len(inner[0])
+    if len(points) == 1:
+        return EndSurface(geometry.on(patches), takes)
     samples = samples_of(np.vstack(points), np.vstack(triangles), patches)
-    return EndSurface(samples, (takes[0], takes[1] if len(points) == 1 else 2.0 * takes[1]))
+    return EndSurface(samples, (takes[0], 2.0 * takes[1]))
 
 
 def samples_of(points: Floats, triangles: Ints, patches: Sequence[Patch]) -> PatchSamples:
@@ -264,7 +269,7 @@ def _within(area: AttachmentArea, geometry: MuscleGeometry) -> tuple[Floats, Int
     share = np.linspace(0.0, 1.0, 8, endpoint=False)[:, None, None]
     around = (1.0 - share) * ring + share * np.roll(ring, -1, axis=0)
     inside = (geometry.solids.depth(around.reshape(-1, 3)) > geometry.mean_edge).mean() > surfaces.NOISE
-    patch = samples_of(geometry.points, geometry.triangles, [geometry.patch(area)]).area
+    patch = geometry.on([geometry.patch(area)]).area
     return disc if inside or patch > BULGE * _area(*disc) > 0.0 else None
 
 
