@@ -102,6 +102,9 @@ def test_a_model_is_repaired_with_the_paths_of_a_scene(ran, tmp_path):
     assert {name: new.parameters[name] for name in properties} == pytest.approx(properties)
     assert not [one for one in check_model(tmp_path / "new.osim").findings if one.what == "length jumps"]
     refused(*call)  # replaces what?
+    (tmp_path / "large.osim").write_text(osim_of(tree.scaled(1.1)))
+    with pytest.raises(ValueError, match=r"'strap' has lengths up to .* mm off on these bodies"):
+        export(results, tmp_path / "new.osim", into=tmp_path / "large.osim", form="points")
 
 
 def test_a_stopped_check_keeps_the_coordinates_that_are_swept(tmp_path, monkeypatch):

@@ -243,7 +243,7 @@ def test_a_crossed_coordinate_that_stands_still_is_moved_by_the_export(ran, tmp_
     poses = {"upper": np.radians([-5.0, 10.0, 25.0]), "lower": np.radians([8.0, -8.0, 15.0])}
     for name in poses:
         own, theirs = (
-            moment_arm(model.muscle("strap").path, model.tree, poses, name) for model in (here, there)
+            moment_arm(each.muscle("strap").path, each.tree, poses, name) for each in (here, there)
         )
         np.testing.assert_allclose(own, theirs, atol=2e-3)
 
@@ -325,12 +325,14 @@ def test_a_hinge_is_exported_with_the_range_of_the_run(tmp_path):
     [
         ({"motion": {"grid": GRID}, "mirror": "x"}, "mirrored scenes are not exported"),
         ({"motion": {"grid": GRID, "coordinates": ["upper"]}}, "crosses 'lower', and has no moment arms"),
+        ({"motion": {"file": "../strap_errors.csv"}}, "would replace an input"),
     ],
 )
 def test_a_scene_that_cannot_be_exported_says_why(ran, tmp_path, changes, words):
-    file = scene_with(ran[0].parent, tmp_path, **changes)
+    file, poses = scene_with(ran[0].parent, tmp_path, **changes), "0,-10,0\n1,0,10\n2,9,20\n3,20,0\n4,30,30\n"
+    (tmp_path / "strap_errors.csv").write_text(f"time,upper,lower\n{poses}")
     with pytest.raises(ValueError, match=words):
-        export(file, tmp_path / "strap.osim", sense=False)
+        export(file, tmp_path / "strap.osim", sense=False, overwrite=True)
 
 
 def test_the_command_line_prints_errors_and_properties(results, tmp_path):

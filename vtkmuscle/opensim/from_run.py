@@ -146,12 +146,11 @@ def export(
         raise InputError("specific_tension", f"{tension:g} N/cm^2 is not a finite number > 0", "e.g. 60")
     if names and model is None:
         raise InputError("replace", "there is no model to replace muscles in", "give the model as into")
-    with Outputs.for_file(path, [*inputs, model], overwrite=overwrite):
-        reused: dict[str, Mapping[str, float]] = {}
-        if model is not None:
-            theirs = checked_model(model)
-            reused = {name: theirs.muscle(replaced).parameters for name, replaced in names.items()}
-        run = _run_of(source, all_frames, {*reused, *asked.parameters})
+    Outputs.for_file(path, [*inputs, model], overwrite=overwrite)  # before a run
+    theirs = None if model is None else checked_model(model)
+    reused = {} if theirs is None else {ours: theirs.muscle(name).parameters for ours, name in names.items()}
+    run = _run_of(source, all_frames, {*reused, *asked.parameters})
+    with Outputs.for_file(path, [*run.scene.files.values(), model], overwrite=overwrite):
         muscles: list[ExportedMuscle] = []
         for name in run.poses:
             hill = parts.opensim_properties(run.scene.muscles[name].hill, run.metres)
@@ -160,8 +159,15 @@ def export(
             muscles += _exported(run, name, label, fixed, asked, points=points)
         outs, tree = [muscle.out for muscle in muscles], run.ranged
         name = re.sub(r"[^\w.-]", "_", run.result.name)  # OpenSim's names have no blanks
-        if model is not None:
+        if model is not None and theirs is not None:
             text = enriched(model, outs, replace=list(names.values()))
+            for each in muscles:
+                full = run.tree.completed(run.poses[each.muscle].values)
+                known = {q.name: full[q.name] for q in theirs.tree.coordinates if q.name in full}
+                ours, there = (each.out.path.lengths(bodies, known) for bodies in (run.tree, theirs.tree))
+                if (off := float(np.abs(ours - there).max())) > TOLERANCE:
+                    problem = f"{each.out.name!r} has lengths up to {1000 * off:.3g} mm off on these bodies"
+                    raise InputError(model, problem, "give the model of [opensim], or form functions")
         elif is_osim:
             text = osim_of(tree, outs, name=name, masses=asked.masses, meshes=_write_meshes(run, path))
         else:
@@ -375,10 +381,7 @@ def _lines(run: _Run, name: str) -> Floats:
 
 
 def _write_meshes(run: _Run, model: Path) -> dict[str, list[str]]:
-    """Write bones, and muscles at rest, in frames of bodies [m]. Return file names by body.
-
-    Each file name begins with the model's: models of several subjects may be in the same folder.
-    """
+    """Write bones, and muscles at rest, in frames of bodies [m]. Return file names by body."""
     prefix = re.sub(r"[^\w.-]", lambda sign: f"~{ord(sign[0]):x}", own_name(model))
     surfaces = {name: (run.joints.bodies[name], surface) for name, surface in run.scene.bones.items()}
     muscles = run.scene.muscles.items()
@@ -391,8 +394,7 @@ def _write_meshes(run: _Run, model: Path) -> dict[str, list[str]]:
         if kept < 1.0:
             mesh = vtkQuadricDecimation(input_data=surface, target_reduction=1.0 - kept).update().output
         moved = with_points(mesh, apply_transform(placed, run.metres * points_of(mesh)))
-        writer = vtkSTLWriter(input_data=moved, header="vtkmuscle, metres")
-        writer.SetFileTypeToBinary()
+        writer = vtkSTLWriter(input_data=moved, header="vtkmuscle, metres", file_type=2)  # binary
         write_with(writer, model.parent / parts.FOLDER / f"{prefix}_{name}.stl")
         names.setdefault(body, []).append(f"{prefix}_{name}")
     return names
