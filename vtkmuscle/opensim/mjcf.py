@@ -11,7 +11,7 @@ import numpy as np
 from numpy.polynomial import Polynomial as Powers
 from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.errors import InputError, check_is_file
 from vtkmuscle.core.motion.rigid import frame_at, inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.xml_elements import made, xml_text
@@ -238,8 +238,7 @@ def read_mjcf(path: str | PathLike[str]) -> MujocoModel:
     doi:10.1109/IROS.2012.6386109.
     """
     path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"{path}: there is no such file")
+    check_is_file(path)
     mujoco = optional_package("mujoco", "a model of MuJoCo", file=path)
     try:
         spec = mujoco.MjSpec.from_file(str(path))
@@ -283,14 +282,23 @@ def _axes_of(mujoco: Any) -> tuple[int, int]:
     return int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
+def _equalities(mujoco: Any, model: Any) -> Iterator[tuple[int, int, Floats]]:
+    """Yield the joints of each active equality, the second -1 if it is of one joint, and the polynomial."""
+    for number in np.flatnonzero(model.eq_active0):
+        if model.eq_type[number] == mujoco.mjtEq.mjEQ_JOINT:
+            yield int(model.eq_obj1id[number]), int(model.eq_obj2id[number]), model.eq_data[number, :5]
+
+
 def _coordinates(mujoco: Any, model: Any) -> Iterator[JointCoordinate]:
     hinge, slide = _axes_of(mujoco)
+    held = {first: float(powers[0]) for first, second, powers in _equalities(mujoco, model) if second < 0}
     for number in range(model.njnt):
         joint, limits = model.joint(number), None
         if joint.type[0] in (hinge, slide) and joint.limited[0]:
             limits = float(joint.range[0]), float(joint.range[1])
-        rest = float(joint.qpos0[0]) if joint.type[0] in (hinge, slide) else 0.0
-        yield JointCoordinate(_name("joint", joint), "m" if joint.type[0] == slide else "rad", rest, limits)
+        rest = float(joint.qpos0[0]) + held.get(number, 0.0) if joint.type[0] in (hinge, slide) else 0.0
+        own = _name("joint", joint), "m" if joint.type[0] == slide else "rad", rest, limits
+        yield JointCoordinate(*own, locked=number in held)
 
 
 def _joints(mujoco: Any, model: Any) -> Iterator[Joint]:
@@ -316,14 +324,11 @@ def _joints(mujoco: Any, model: Any) -> Iterator[Joint]:
 
 def _couplings(mujoco: Any, model: Any) -> Iterator[Coupling]:
     """Yield the active equalities of two joints; both joints count from rest."""
-    for number in np.flatnonzero(model.eq_active0):
-        ids = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
-        if model.eq_type[number] == mujoco.mjtEq.mjEQ_JOINT and min(ids) >= 0:
-            (first, at), (second, independent_at) = (
-                (_name("joint", joint), float(joint.qpos0[0])) for joint in map(model.joint, ids)
-            )
-            powers = Powers(model.eq_data[number, :5])(Powers([-independent_at, 1.0])) + at
-            yield Coupling(first, second, Polynomial(np.array(powers.coef[::-1], dtype=np.float64)))
+    for *ids, powers in _equalities(mujoco, model):
+        if min(ids) >= 0:
+            first, second = map(model.joint, ids)
+            moved = Powers(powers)(Powers([-second.qpos0[0], 1.0])) + first.qpos0[0]
+            yield Coupling(_name("joint", first), _name("joint", second), Polynomial(moved.coef[::-1]))
 
 
 def _paths(mujoco: Any, model: Any) -> Iterator[tuple[int, PointPath]]:
