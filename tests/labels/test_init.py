@@ -19,6 +19,7 @@ from vtkmuscle.io import read_surface
 from vtkmuscle.io.writing import write_polydata
 from vtkmuscle.labels.architecture import areas_at_tips
 from vtkmuscle.labels.draft import Draft
+from vtkmuscle.labels.guesses import LOOK, guessed_joints
 from vtkmuscle.phantoms import hip
 from vtkmuscle.scene.sense import check_sense
 
@@ -81,25 +82,23 @@ def test_each_guess_says_how_sure_it_is(files, tmp_path):
     sure = {(row["what"], row["guess"]): float(row["confidence"]) for row in rows}
     assert list(sure.values()) == sorted(sure.values())
     assert sure["units", "m"] == 0.9
-    assert sure["muscles.iliacus_right.attachments", "insertion: femur_right"] == 0.64
+    areas = "muscles.iliacus_right.attachments"
+    assert sure[areas, "insertion: femur_right"] == 0.64
     text = (tmp_path / "scene.toml").read_text()
     assert "# confidence 0.90: the longest side of all surfaces is" in text.split('units = "m"')[0]
     assert text.count("# confidence") == len(rows)
     scene = vtkmuscle.Scene.load(tmp_path / "scene.toml")
     origin, insertion = scene.muscles["iliacus_right"].attachments
-    assert origin.confidence == pytest.approx(
-        sure["muscles.iliacus_right.attachments", "origin: pelvis"], abs=0.01
-    )
+    assert origin.confidence == pytest.approx(sure[areas, "origin: pelvis"], abs=0.01)
     assert insertion.confidence == 0.64
     assert scene.guessed["units"] == 0.9
-    for file in (each for each in files if each.suffix == ".vtp"):  # in cm, or a small animal in mm
+    meshes = [file for file in files if file.suffix == ".vtp"]
+    for file in meshes:  # in cm, or a small animal in mm
         write_polydata(file, arrays.with_points(part := read_surface(file), 100.0 * arrays.points_of(part)))
-    done = init(*(each for each in files if each.suffix == ".vtp"), "--out", tmp_path / "cm")
+    done = init(*meshes, "--out", tmp_path / "cm")
     assert "0.40  units: mm; the longest side of all surfaces is" in done.output
     write_polydata(file, arrays.with_points(part, 1e-3 * arrays.points_of(part)))
-    said = refused(
-        "init", *(each for each in files if each.suffix == ".vtp"), "--out", tmp_path / "two_units"
-    )
+    said = refused("init", *meshes, "--out", tmp_path / "two_units")
     assert re.search(r"iliacus_r\.vtp: its longest side is .*; scale all files to one unit", said)
     assert {key.split(".")[-1] for key in scene.guessed} == {"units", "centre", "axes"}
 
@@ -125,6 +124,8 @@ def test_a_model_gives_the_joints(files, tmp_path):
     assert scene.guessed["opensim.frame"] > 0.5
     assert scene.motion.centre_of("femur_right") == pytest.approx([0, 0, 0], abs=1e-9)
     assert scene.motion.at(60.0)["femur_right"][:3, 0] == pytest.approx([0.5, np.sin(np.radians(60)), 0])
+    model.write_text(MODEL.replace("-0.5 1.5", "0 0"))
+    assert "the scene cannot run yet" in init(*files, model, "--out", tmp_path / "still").output
     model.write_text(MODEL.replace("femur_r", "talus_r"))
     said = refused("init", *files, model, "--out", tmp_path / "other")
     assert "no body may be the bone 'femur_right'; name the mesh as one of the bodies: " in said
@@ -144,9 +145,8 @@ def test_each_muscle_has_its_architecture(files, tmp_path):
     assert {row["areas"] for row in rows.values()} == {"", "estimated"}
     own = {key: float(value) for key, value in rows["iliacus_right"].items() if re.match(r"[\d.]+$", value)}
     ratio = published("iliacus", "fibre_to_path")
-    assert own["fascicle_length_mm"] == pytest.approx(
-        np.sqrt(ratio.low * ratio.high) * own["fibre_length_mm"]
-    )
+    fascicle = np.sqrt(ratio.low * ratio.high) * own["fibre_length_mm"]
+    assert own["fascicle_length_mm"] == pytest.approx(fascicle)
     assert own["pcsa_low_mm2"] < own["pcsa_mm2"] < own["pcsa_high_mm2"]
     # An ellipsoid alone is attached at its tips.
     upper, lower = areas_at_tips(pv.ParametricEllipsoid(10.0, 10.0, 100.0).clean().rotate_x(180.0))
@@ -195,6 +195,7 @@ def test_a_guess_that_is_not_sure_is_looked_at_until_it_is_confirmed(files, tmp_
     [
         (("Femur R.vtp", "iliacus_r.vtp"), "angles in [motion.hinge]", 0),
         (("Pelvis.vtp", "iliacus_r_origin.csv"), "no known muscle and role", 2),
+        (("iliacus_r.vtp", "iliacus_r_origin.csv"), "no bone can have the origin of 'iliacus_right'", 2),
     ],
 )
 def test_what_is_missing_is_named(files, tmp_path, keep, words, status):
@@ -230,7 +231,10 @@ def test_a_muscle_that_cannot_be_made_is_named_and_the_others_are_there(files, t
     done = init(*files, far, "--out", tmp_path)
     assert "left out: sartorius: the muscle is near fewer than two bones" in " ".join(done.output.split())
     assert "sartorius" not in vtkmuscle.Scene.load(tmp_path / "scene.toml").muscles
-    draft = Draft("hip", dict(arrays.blocks_of(HIP.bones)), {"iliacus": muscle})
+    bones = dict(arrays.blocks_of(HIP.bones))  # of either side, by their names
+    (axes,) = (guess for guess in guessed_joints(bones)[2] if guess.what == "joints.hip.axes")
+    assert (axes.confidence < LOOK, "of a right limb" in axes.why) == (True, True)
+    draft = Draft("hip", bones, {"iliacus": muscle})
     draft.guess("joints.hip", "", 0.0, "the head is not round")
     with pytest.raises(ValueError, match=r"both ends are on .* femur and pelvis; the head is not round"):
         draft._attach("iliacus")

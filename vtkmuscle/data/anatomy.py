@@ -49,7 +49,7 @@ def plain_name(name: str) -> str:
 
 def side_of(name: str) -> str | None:
     """Return ``"left"``, ``"right"``, or None for a name without side."""
-    return next((side for side in ("left", "right") if plain_name(name).endswith(f"_{side}")), None)
+    return next((side for side in ("left", "right") if f"_{plain_name(name)}".endswith(f"_{side}")), None)
 
 
 def stem_of(name: str) -> str:

@@ -352,6 +352,9 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
         bones = draft.candidate_bones(muscle).items()
         away = {name: solids_of(*checked_surface(bone, name)).distances(points) for name, bone in bones}
         gaps = {name: float(np.abs(distances).mean()) for name, distances in away.items()}
+        if not named and not gaps:
+            remedy = "give the mesh of a bone on its side, or leave the landmarks out"
+            raise InputError(file, f"no bone can have the {role} of {muscle!r}", remedy)
         bone, *further = named or sorted(gaps, key=gaps.__getitem__)
         if not named:
             sure = 1.0 - min(1.0, gaps[bone] / gaps[further[0]]) if further else 1.0

@@ -87,7 +87,7 @@ def guessed_joints(
                 continue
             table |= _axes(kind, fit, side, frame)
             sweep[next(iter(table["coordinates"]))] = 0.0, kind.most
-            guesses += _guesses_of(key, kind, fit, bones[child], frame)
+            guesses += _guesses_of(key, kind, fit, bones[child], frame, side)
         joints[name] = table
     return joints, sweep, guesses
 
@@ -123,14 +123,17 @@ def _axes(kind: JointKind, fit: JointFit, side: str | None, frame: str) -> dict[
     return {"centre": [round(float(value), 3) for value in fit.centre], **turns, "coordinates": coordinates}
 
 
-def _guesses_of(key: str, kind: JointKind, fit: JointFit, child: vtkPolyData, frame: str) -> list[Guess]:
+def _guesses_of(
+    key: str, kind: JointKind, fit: JointFit, child: vtkPolyData, frame: str, side: str | None
+) -> list[Guess]:
     shape = "a ball" if kind.form == "ball" else "two balls side by side"
     sizes = f"radius {fit.radius:.1f} mm, error {fit.rms:.2f} mm, {100 * fit.covered:.0f} % covered"
     centre = ", ".join(f"{value:.1f}" for value in fit.centre)
     hanging = checked_surface(child, "bone")[0].mean(axis=0) - fit.centre
     down = max(0.0, float(-hanging[2] / np.linalg.norm(hanging)))
-    confidence = down if fit.axis is None else down * fit.confidence
-    why = f"signs for a standing person in {frame}; the bone hangs down by {down:.2f} of its length"
+    limb = "" if side or fit.axis is not None else ", of a right limb, as no name has a side"
+    confidence = (0.5 if limb else 1.0) * (down if fit.axis is None else down * fit.confidence)
+    why = f"signs for a standing person in {frame}{limb}; the bone hangs down by {down:.2f} of its length"
     axes = Guess(f"{key}.{'axes' if fit.axis is None else 'axis'}", ", ".join(kind.axes), confidence, why)
     return [Guess(f"{key}.centre", centre, fit.confidence, f"{shape}: {sizes}"), axes]
 

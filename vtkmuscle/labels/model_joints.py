@@ -72,7 +72,7 @@ def _joints(tree: KinematicTree, bodies: Mapping[str, str], first: Mapping[str, 
             continue
         crossed = [tree.coordinate(name) for name in tree.crossed([body, parent])]
         joints[bone] = {"parent": first[parent], "child": bone, "type": "custom" if crossed else "weld"}
-        turns = [each for each in crossed if each.is_angle and each.range and not each.locked]
+        turns = [each for each in crossed if each.is_angle and np.ptp(each.range or 0.0) and not each.locked]
         if turns:
             widest = max(turns, key=lambda each: float(np.ptp(each.range or 0.0)))
             rest, *ends = np.array([widest.rest, *(widest.range or ())]) / ANGLES["deg"]
