@@ -39,25 +39,22 @@ def test_every_format_gives_landmarks_and_closedness(suffix, closed, tmp_path):
         ("a.csv", "x,y,z\n1,2,3\n1,two,3\n", "a.csv: line 3, '1,two,3', does not begin with three numbers"),
         ("a.csv", "x,y,z\nu,v,w\n1,2,3\n", "line 2, 'u,v,w', does not begin"),
         ("a.csv", "x;y;z\n1,5;2;3\n", "line 2, '1,5;2;3', .*; separate numbers by commas, and write"),
+        ("a.csv", "1O,2,3\n4,5,6\n", "line 1, '1O,2,3', does not begin with three numbers"),
         ("a.csv", "1,2\n", "line 1 has fewer than three numbers"),
         ("a.csv", "x,y,z\n", "has no landmarks"),
         ("a.csv", "1,2,nan\n", "landmark 0 has a coordinate that is not finite"),
         ("a.json", "{", "not a JSON list"),
         ("a.json", "[1, 2, 3]", "must hold a list of"),
-        ("a.json", "[]", "must hold a list of"),
         ("a.json", '[["a", "b", "c"]]', "not a JSON list"),
+        ("a.csv", None, "a.csv: there is no such file"),
         ("a.txt", "1 2 3", "not '.txt'; save it as .csv"),
     ],
 )
 def test_what_cannot_be_read_is_named(name, text, message, tmp_path):
-    (tmp_path / name).write_text(text)
-    with pytest.raises(ValueError, match=message):
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    with pytest.raises(ValueError if text is not None else FileNotFoundError, match=message):
         read_landmarks(tmp_path / name)
-
-
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"a\.csv: there is no such file"):
-        read_landmarks(tmp_path / "a.csv")
 
 
 @pytest.mark.parametrize("frame", ["LPS", "RAS"])

@@ -38,8 +38,7 @@ class NamedPoints:
         """Return the points (n, 3) in a frame; without an own frame unchanged."""
         if frame not in FRAMES:
             raise InputError("", f"there is no frame {frame!r}; allowed: {', '.join(FRAMES)}")
-        converted = self.frame is not None and self.frame != frame
-        return self.points * np.array([-1.0, -1.0, 1.0]) if converted else self.points
+        return self.points * (1.0 if self.frame in (None, frame) else np.array([-1.0, -1.0, 1.0]))
 
 
 def read_landmarks(path: str | PathLike[str], *, frame: str = "LPS") -> tuple[Floats, bool]:
@@ -129,7 +128,7 @@ def _from_csv(path: Path) -> NamedPoints:
     header = [cell.casefold() for cell in lines[0][1]] if lines else []
     axes = next((axes for axes in _AXES if all(header.count(name) == 1 for name in axes)), "")
     columns = tuple(map(header.index, axes))
-    if columns or not all(_is_number(header[i]) for i in _columns(header) if i < len(header)):
+    if columns or not any(_is_number(header[i]) for i in _columns(header) if i < len(header)):
         del lines[0]
     rows: list[list[float]] = []
     names: list[str] = []
