@@ -19,7 +19,7 @@ import numpy as np
 
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import quoted
-from vtkmuscle.io.csv_table import number_in
+from vtkmuscle.io.csv_table import finite_number
 from vtkmuscle.io.xml_elements import Element, read_xml
 
 #: Largest number of a pose: far more than a length in micrometres, or a scale of units.
@@ -65,20 +65,13 @@ def _pose(element: Element, kind: str) -> Floats:
     matrices = _children(element, "MatrixVector", "Matrix")
     if not matrices and (single := element.find("Transform")) is not None:
         matrices = [single]
-    poses = [(_time(matrix), _matrix(matrix, kind)) for matrix in matrices]
+    times = [(each.attributes.get("TimeStamp", "0"), "TimeStamp", each.path, str(each)) for each in matrices]
+    poses = [(finite_number(*time), _matrix(each, kind)) for time, each in zip(times, matrices, strict=True)]
     return min(poses, key=lambda pose: pose[0], default=(0.0, np.eye(4)))[1]
 
 
 def _children(element: Element, holder: str, tag: str) -> list[Element]:
     return [child for child in element.within(holder) if child.tag == tag]
-
-
-def _time(element: Element) -> float:
-    text = element.attributes.get("TimeStamp", "0")
-    time = number_in(text)
-    if not np.isfinite(time):
-        raise element.error(f"its TimeStamp is {quoted(text)}, but must be a finite number", "correct it")
-    return time
 
 
 def _matrix(element: Element, kind: str) -> Floats:

@@ -143,12 +143,11 @@ class KinematicTree:
         ):
             if twice := [name for name in names if names.count(name) > 1]:
                 raise InputError("", f"there are two of the {what} {twice[0]!r}")
-        for joint in self.joints:
-            for name in filter(None, (axis.coordinate for axis in joint.axes)):
-                self.coordinate(name, f"joint {joint.name!r}: ")
-        for coupling in self.couplings:
-            self.coordinate(coupling.dependent, "a coupling: ")
-            self.coordinate(coupling.independent, "a coupling: ")
+        used = [(axis.coordinate, f"joint {joint.name!r}: ") for joint in self.joints for axis in joint.axes]
+        used += [(q, "a coupling: ") for each in self.couplings for q in (each.dependent, each.independent)]
+        for name, where in used:
+            if name:
+                self.coordinate(name, where)
         object.__setattr__(self, "couplings", tuple(_couplings_in_order(self.couplings)))
 
     @property
@@ -236,8 +235,7 @@ class KinematicTree:
 
     def in_metres(self, metres: float) -> tuple["KinematicTree", dict[str, float]]:
         """Return the tree in metres, and factors for coordinates. ``metres`` are per unit of length."""
-        units = {coordinate.name: coordinate.unit for coordinate in self.coordinates}
-        factors = {name: MILLIMETRES.get(unit, 1000.0) / 1000.0 for name, unit in units.items()}
+        factors = {each.name: MILLIMETRES.get(each.unit, 1000.0) / 1000.0 for each in self.coordinates}
         tree = self.scaled(metres, factors)
         coordinates = [each if each.is_angle else replace(each, unit="m") for each in tree.coordinates]
         return replace(tree, coordinates=coordinates), factors
