@@ -35,7 +35,8 @@ def test_a_fine_bone_is_drawn_coarser_and_stays_within_a_fraction_of_a_triangle(
 
 
 def test_bones_that_are_coarse_are_drawn_as_they_are(ball):
-    (drawn,) = DrawnBones(multiblock_from({"ball": ball})).by_name.values()
+    stray = surface_from(np.vstack([np.full(3, 1e5), points_of(ball)]), 1 + triangles_of(ball, "ball"))
+    (drawn,) = DrawnBones(multiblock_from({"ball": stray})).by_name.values()
     np.testing.assert_array_equal(drawn.points, points_of(ball))
     np.testing.assert_array_equal(drawn.triangles, triangles_of(ball, "ball"))
 

@@ -1,5 +1,6 @@
 from functools import partial
 
+import numpy as np
 import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkFiltersSources import vtkSphereSource
@@ -43,6 +44,8 @@ def test_facts_are_right(ball):
     assert known.n_open_edges == 0
     assert known.mean_edge == pytest.approx(edge_lengths(points, unique_edges(triangles)).mean(), rel=1e-12)
     assert surface_of(surface_from(points, triangles[1:]), "test").geometry.n_open_edges == 3
+    more = surface_from(np.vstack([points, [0.0, 0.0, 1e5]]), triangles)  # a point of no triangle
+    np.testing.assert_array_equal(surface_of(more, "test").geometry.samples(9), known.samples(9))
     triangles[0] = triangles[0, ::-1]  # forth twice along each side
     with pytest.raises(InputError, match=r"test: the surface has 6 open edge\(s\), or .* opposite sides"):
         surface_of(surface_from(points, triangles), "test").closed("")

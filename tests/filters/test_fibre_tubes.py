@@ -25,7 +25,9 @@ def test_a_tube_is_closed_and_has_the_volume_of_its_prism():
 
 def test_scalars_of_points_and_cells_are_passed_on():
     fibres = lines_of([straight(30), straight(10, 3) + np.array([0, 9, 0])])
-    add_arrays(fibres, points={"t": points_of(fibres)[:, 0]}, cells={"FibreId": np.array([4, 9])})
+    arrays = {"t": points_of(fibres)[:, 0], "Normals": np.tile([1.0, 0.0, 0.0], (8, 1))}  # along the lines
+    add_arrays(fibres, points=arrays, cells={"FibreId": np.array([4, 9])})
+    fibres.GetPointData().SetActiveNormals("Normals")
     tubes = FibreTubes(radius=1.0)(fibres)
     assert_allclose(point_array(tubes, "t", ""), points_of(tubes)[:, 0], atol=1e-12)
     ids = cell_array(tubes, "FibreId", "")

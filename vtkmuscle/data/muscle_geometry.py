@@ -100,7 +100,8 @@ class MuscleGeometry:
         """Return `count` inner positions [mm], evenly spread; fewer for flat surfaces."""
         if len(self._samples) < count:
             # A power of two, to serve other numbers of fibres.
-            self._samples = samples_inside(self.solids.inside, self.points, 2 ** (count - 1).bit_length())
+            surface = surfaces.used_alone(self.points, self.triangles)[0]
+            self._samples = samples_inside(self.solids.inside, surface, 2 ** (count - 1).bit_length())
         return self._samples[:count]
 
 

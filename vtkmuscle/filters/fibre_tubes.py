@@ -58,6 +58,8 @@ class FibreTubes(Filter):
         """Return the tubes."""
         # Points are not shared: VTK blends the tubes of lines with common points.
         data, double = fibres.moved(fibres.points), {"OutputPointsPrecision": vtkAlgorithm.DOUBLE_PRECISION}
+        # A tube is round about any normal, but VTK makes none about normals along the line.
+        data.GetPointData().SetActiveNormals("")
         sizes = {"Radius": self.radius, "NumberOfSides": self.sides, "Capping": True}
         result = output_of(vtkTubeFilter(), InputData=data, **sizes, **double)
         if result.GetNumberOfPoints() == 0:

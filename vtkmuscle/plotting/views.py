@@ -12,7 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkTriangleFilter, vtkTubeFilter
 
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
-from vtkmuscle.core.mesh.surface import box_of, diagonal, survey
+from vtkmuscle.core.mesh.surface import box_of, diagonal, survey, used_alone
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import blocks_of, output_of, points_of, polylines_from, polylines_of, triangles_of
 
@@ -55,7 +55,7 @@ class DrawnBones:
         total = sum(block.GetNumberOfCells() for _, block in blocks)
         drawn = {}
         for name, block in blocks:
-            points, triangles = points_of(block), triangles_of(block, name)
+            points, triangles = used_alone(points_of(block), triangles_of(block, name))
             normals, report = vertex_normals(points, triangles), survey(points, triangles)
             solid = report.closed and report.oriented and report.volume > 0.0
             if total > TRIANGLES:

@@ -10,7 +10,7 @@ from vtkmodules.vtkFiltersCore import vtkReverseSense
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.solids import closed_shells
-from vtkmuscle.core.mesh.surface import MOST_REPAIRED, box_of, signed_volume, survey
+from vtkmuscle.core.mesh.surface import MOST_REPAIRED, box_of, signed_volume, survey, used_alone
 from vtkmuscle.core.paths.via_rings import passes_through, via_ring
 from vtkmuscle.core.types import TINY, Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, output_of, points_of, surface_from
@@ -99,9 +99,8 @@ def repaired_surface(surface: vtkPolyData) -> tuple[vtkPolyData, str]:
     for fault, share in (("large_holes", added), ("large_parts", lost)):
         if share > MOST_REPAIRED:
             raise InputError("", *words_of(fault, share=share, most=MOST_REPAIRED))
-    used, corners = np.unique(closed.shells[int(volumes.argmax())], return_inverse=True)
     done = [*closed.remarks, *[f"{len(volumes) - 1} small part(s) were left out"] * (len(volumes) > 1)]
-    return surface_from(closed.points[used], corners.reshape(-1, 3)), "; ".join(done)
+    return surface_from(*used_alone(closed.points, closed.shells[int(volumes.argmax())])), "; ".join(done)
 
 
 def turned_over(surface: vtkPolyData) -> vtkPolyData:

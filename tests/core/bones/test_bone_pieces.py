@@ -34,9 +34,20 @@ def test_a_bone_far_from_the_origin_is_measured_as_one_near_it(rng, offset):
     np.testing.assert_allclose(there.field(at + offset)[0], here.field(at)[0], atol=1e-4)
 
 
+def test_points_of_no_triangle_change_nothing(rng):
+    points, triangles = sphere(10.0, 500)
+    at = samples(rng, -13.0, 13.0, 500)
+    more = Bone(np.vstack([np.full(3, 1e5), points]), triangles + 1)
+    np.testing.assert_array_equal(more.field(at)[0], Bone(points, triangles).field(at)[0])
+
+
 def test_a_bone_of_one_piece_is_its_piece():
-    bone = Bone(*meshed_box((0, 0, 0), (10, 10, 100), 5.0))
-    assert bone.pieces == (bone,)
+    """Crumbs, hollows and the last of many small pieces are parts of the largest."""
+    many = [meshed_box((4.0 * i, 0, 0), (4.0 * i + 2.0, 2, 2), 2.0) for i in range(5, 65)]
+    few = meshed_box((50, 50, 50), (51, 51, 51), 1.0), meshed_box((3, 3, 3), (7, 7, 97), 2.0)
+    for others in ([], few, many):
+        bone = Bone(*union(meshed_box((0, 0, 0), (10, 10, 100), 2.0), *others))
+        assert bone.pieces == (bone,)
 
 
 def test_two_rods_are_two_pieces_with_directions_of_their_own():
@@ -48,15 +59,3 @@ def test_two_rods_are_two_pieces_with_directions_of_their_own():
     np.testing.assert_allclose(first.solids.exact(at)[0], 5.5)
     assert first.cell == second.cell == bone.cell
     assert len(first.triangles) + len(second.triangles) == len(bone.triangles)
-
-
-def test_crumbs_and_hollows_stay_with_the_largest_piece():
-    crumb = meshed_box((50, 50, 50), (51, 51, 51), 1.0)
-    hollow = meshed_box((3, 3, 3), (7, 7, 97), 2.0)
-    bone = Bone(*union(meshed_box((0, 0, 0), (10, 10, 100), 2.0), crumb, hollow))
-    assert bone.pieces == (bone,)
-
-
-def test_many_small_pieces_are_parts_of_the_first():
-    bone = Bone(*union(*[meshed_box((4.0 * i, 0, 0), (4.0 * i + 2.0, 2, 2), 2.0) for i in range(60)]))
-    assert bone.pieces == (bone,)

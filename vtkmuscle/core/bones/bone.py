@@ -13,7 +13,7 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.sampling import UNEVEN, uneven_weights
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import FAR, LEAST_PIECE, Solids, closed_shells, solids_from, solids_of
-from vtkmuscle.core.mesh.surface import box_of
+from vtkmuscle.core.mesh.surface import box_of, used_alone
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.types import TINY, Bools, Floats, Ints
 
@@ -38,10 +38,11 @@ _LACKING = 4096
 class Bone:
     """A bone in its rest pose.
 
-    Points (n, 3) [mm] and triangles (m, 3) are not changed afterwards. The solids measure distances from the
-    triangles; :meth:`field` looks distances up between the nodes of a lattice along the bone's own axes, in a
-    few hundredths of the time. Nodes are measured when first looked up, and depend on the bone alone, to the
-    last digit: several threads may ask a bone at once. A bone without near points builds nothing.
+    Points (n, 3) [mm] and triangles (m, 3) are not changed afterwards; points of no triangle are left out.
+    The solids measure distances from the triangles; :meth:`field` looks distances up between the nodes of a
+    lattice along the bone's own axes, in a few hundredths of the time. Nodes are measured when first looked
+    up, and depend on the bone alone, to the last digit: several threads may ask a bone at once. A bone away
+    from all points builds nothing.
 
     Neighbouring nodes are ``cell`` > 0 apart [mm], by default the bone's diagonal /
     :data:`CELLS_PER_DIAGONAL`.
@@ -50,11 +51,11 @@ class Bone:
     def __init__(
         self, points: Floats, triangles: Ints, name: object = "bone", *, cell: float | None = None
     ) -> None:
-        self.points, self.triangles = points, triangles
+        self.points, self.triangles = used_alone(points, triangles)
         #: Name of the bone in warnings and errors.
         self.name = str(name)
         #: Lowest and highest corner of the bone's box at rest [mm].
-        self.box = box_of(points)
+        self.box = box_of(self.points)
         if cell is not None:
             self.cell = cell
         self._known: tuple[float, Field] | None = None  # with its reach
@@ -78,8 +79,7 @@ class Bone:
         boxes: list[tuple[Floats, Floats]] = []
         sizes = [len(shell) for shell in closed.shells]
         for number in sorted(range(len(sizes)), key=sizes.__getitem__, reverse=True):
-            corners = closed.points[closed.shells[number].reshape(-1)].T.copy()
-            low, high = corners.min(axis=1), corners.max(axis=1)
+            low, high = box_of(closed.points[closed.shells[number].reshape(-1)])
             within = any((low >= lowest).all() and (high <= highest).all() for lowest, highest in boxes)
             if parts and (within or sizes[number] < LEAST_PIECE * sum(sizes)):
                 parts[0].append(number)
@@ -89,13 +89,11 @@ class Bone:
         if len(parts) == 1:
             return (self,)
         pieces = []
+        order = np.lexsort(closed.points.T[::-1])  # the axes do not depend on the file's order
+        number_of = np.argsort(order)
         for part in parts:
-            triangles = np.concatenate([closed.shells[number] for number in part])
-            used = np.flatnonzero(np.bincount(triangles.reshape(-1)))
-            used = used[np.lexsort(closed.points[used].T[::-1])]  # the axes do not depend on the file's order
-            number_of = np.zeros(len(closed.points), dtype=np.int64)
-            number_of[used] = np.arange(len(used))
-            pieces.append(Bone(closed.points[used], number_of[triangles], self.name, cell=self.cell))
+            triangles = number_of[np.concatenate([closed.shells[number] for number in part])]
+            pieces.append(Bone(closed.points[order], triangles, self.name, cell=self.cell))
             pieces[-1].solids = solids_from(closed, part)
         return tuple(pieces)
 

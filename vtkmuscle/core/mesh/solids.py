@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.sampling import part_means
 from vtkmuscle.core.mesh.shared import shared
-from vtkmuscle.core.mesh.surface import diagonal, numbered_edges, point_components, signed_volume
+from vtkmuscle.core.mesh.surface import box_of, diagonal, numbered_edges, point_components, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.types import ROUNDING, Bools, Floats, Ints
 
@@ -260,8 +260,7 @@ def _disjoint_groups(points: Floats, parts: list[Ints]) -> list[list[Ints]]:
     groups: list[list[tuple[Ints, Floats, Floats]]] = []
     least = LEAST_PIECE * sum(map(len, parts))
     for part in sorted(parts, key=len):
-        corners = points[part.reshape(-1)].T.copy()
-        low, high = corners.min(axis=1), corners.max(axis=1)
+        low, high = box_of(points[part.reshape(-1)])
         for group in groups if len(part) < least else ():
             if not any(((first <= high) & (low <= last)).all() for _, first, last in group):
                 group.append((part, low, high))

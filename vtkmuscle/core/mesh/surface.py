@@ -94,6 +94,12 @@ def box_of(points: Floats) -> tuple[Floats, Floats]:
     return columns.min(axis=1), columns.max(axis=1)
 
 
+def used_alone(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
+    """Return a surface (n, 3), (m, 3) without points of no triangle. The order of the points stays."""
+    used, corners = np.unique(triangles, return_inverse=True)
+    return points[used], corners.reshape(-1, 3)
+
+
 def longest_side(points: Floats) -> float:
     """Return the longest side of a box. Around points (n, 3)."""
     return float(np.ptp(box_of(points), axis=0).max())
