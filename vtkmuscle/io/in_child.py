@@ -122,16 +122,19 @@ def read(path: str, module: str, name: str) -> tuple[str, str, bytes]:
     kind = data.GetClassName() if data is not None else ""
     complaint = first_line(messages()) or ("it is damaged" if reader.GetErrorCode() else "")
     if not complaint and kind in _SURFACES:
-        outer: Any = getattr(import_module("vtkmodules.vtkFiltersGeometry"), _SURFACES[kind])
-        data, kind = outer(input_data=data).update().output, "vtkPolyData"
+        outer: Any = getattr(import_module("vtkmodules.vtkFiltersGeometry"), _SURFACES[kind])()
+        outer.SetInputData(data)
+        outer.Update()
+        data, kind = outer.GetOutput(), "vtkPolyData"
     if complaint or not isinstance(data, vtkPolyData):
         return kind, complaint, b""
     cells = (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips())
     if not all(each.IsValid() for each in cells):
         return kind, "its cells refer to points that do not exist", b""
-    # VTK's .vtp writer does not escape a "<" in names.
-    writer = vtkPolyDataWriter(input_data=data, write_to_output_string=True)
+    writer = vtkPolyDataWriter()  # VTK's .vtp writer does not escape a "<" in names
+    writer.SetInputData(data)
     writer.SetFileTypeToBinary()
+    writer.WriteToOutputStringOn()
     writer.Write()
     content: str | bytes = writer.GetOutputStdString()
     return kind, "", content.encode() if isinstance(content, str) else content
@@ -151,7 +154,8 @@ def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
         raise InputError(path, f"the file cannot be read as {path.suffix}: {complaint}", _REMEDY)
     if kind != "vtkPolyData":
         raise InputError(path, f"the file contains {kind or 'no data'}, not a surface", "save a surface mesh")
-    again = vtkPolyDataReader(read_from_input_string=True)
+    again = vtkPolyDataReader()
+    again.ReadFromInputStringOn()
     again.SetBinaryInputString(content, len(content))  # type: ignore[arg-type]
     again.Update()
     result: vtkPolyData = again.GetOutput()

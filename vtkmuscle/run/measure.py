@@ -31,10 +31,8 @@ class MuscleMeasure:
     with an inside, at rest.
     """
 
-    def __init__(
-        self, rest: vtkPolyData, bones: list[str], shapes: Mapping[str, Bone], millimetres: float
-    ) -> None:
-        self._bones, self._shapes, self._millimetres = bones, shapes, millimetres
+    def __init__(self, rest: vtkPolyData, bones: list[str], shapes: Mapping[str, Bone], to_mm: float) -> None:
+        self._bones, self._shapes, self._millimetres = bones, shapes, to_mm
         self._rest = points_of(rest)
         self._triangles = triangles_of(rest, "muscle")
         self._fixed_to = np.array(point_array(rest, "FixedTo", "muscle"))
@@ -104,18 +102,16 @@ class MuscleMeasure:
         posed = ((bone, transforms.get(name, np.eye(4))) for name, bone in self._shapes.items())
         return depth_in(posed, points)
 
-    def fibres(
-        self, fibre_points: Floats, offsets: Ints, points: Floats, depths: Floats | None
-    ) -> dict[str, Any]:
+    def fibres(self, lines: Floats, offsets: Ints, points: Floats, depths: Floats | None) -> dict[str, Any]:
         """Return how far fibres leave the muscle, or enter bones since rest.
 
-        ``depths`` (p,) are those of the fibre points (p, 3), ``points`` (n, 3) the muscle's. The distance
+        ``depths`` (p,) are those of the fibres' points (p, 3), ``points`` (n, 3) the muscle's. The distance
         between points is that of the segments' middles: a coarse fibre cuts corners.
         """
         self._bent = tree_of_deformed(self._bent, points, self._triangles)
-        middles = np.delete((fibre_points[1:] + fibre_points[:-1]) / 2.0, offsets[1:-1] - 1, axis=0)
+        middles = np.delete((lines[1:] + lines[:-1]) / 2.0, offsets[1:-1] - 1, axis=0)
         row: dict[str, Any] = {}
-        for name, places in (("max", fibre_points), ("between_max", middles)):
+        for name, places in (("max", lines), ("between_max", middles)):
             outside = places[~self._bent.inside(places)]
             farthest = float(self._bent.nearest(outside)[2].max(initial=0.0))
             row[f"fibres_outside_{name}_mm"] = farthest * self._millimetres

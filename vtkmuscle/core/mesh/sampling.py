@@ -131,8 +131,7 @@ class PatchSamples:
         Loose points repeat.
         """
         exponent = int(np.ceil(np.log2(count)))
-        key = exponent, seed
-        finer = 0
+        key, finer = (exponent, seed), 0
         while key not in self._dense:
             number = 2 ** (exponent + finer)
             positions, inside = self._sampled(sobol(number, 3, first=seed * number))
