@@ -21,8 +21,6 @@ from vtkmuscle.io.surfaces import read_surface
 from vtkmuscle.pipelines import decompose
 from vtkmuscle.scene.checks import turned_over
 
-# ------------------------------------------------------------------------------- scenes
-
 
 def spindle(**muscle):
     scene = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=8)
@@ -97,8 +95,6 @@ SCENES = {
     "guessed": (lambda: guessed(spindle()), "look", {"plausible"}),
     "tendon too long": (lambda: spindle(hill={"tendon_slack_length": 1e4}), "look", {"hill"}),
 }
-
-# ------------------------------------------------------------------------------- transformations
 
 
 def mapped(scene, *, scale=1.0, turn=None, shift=(0.0, 0.0, 0.0), mirror=False, units="mm"):

@@ -5,13 +5,14 @@ import pytest
 import pyvista as pv
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib import rc_context
 from shapes import lines_of
 
 from vtkmuscle import Scene, phantoms
 from vtkmuscle.data.arrays import add_arrays, multiblock_from, points_of, with_points
 from vtkmuscle.plotting import Studio, can_render, choose_view, drawing, make_plotter, plot_lengths
 from vtkmuscle.plotting.figures import plot_moment_arms, plot_rest_pose, positions_across, shown_range
-from vtkmuscle.plotting.sheets import Pixels
+from vtkmuscle.plotting.sheets import Pixels, set_style
 from vtkmuscle.plotting.studio import actors_of, strain_colours
 from vtkmuscle.plotting.views import DrawnBones, framed
 
@@ -55,18 +56,12 @@ def blue_pixels(image, by=60):
     return int((image[..., 2] > image[..., 0] + by).sum())
 
 
-# ---------------------------------------------------------------- drawing
-
-
 def test_a_window_that_renders_nothing_is_not_taken_for_success(renders, monkeypatch):
     monkeypatch.setattr(drawing, "TEST_PICTURE", drawing.TEST_PICTURE.replace("(1, 0, 0)", "(0, 0, 0)"))
     can_render.cache_clear()
     reason = can_render()
     can_render.cache_clear()
     assert "could not be rendered" in reason
-
-
-# ---------------------------------------------------------------- views
 
 
 def test_a_muscle_is_seen_from_the_side_that_no_bone_hides():
@@ -88,9 +83,6 @@ def test_a_frame_encloses_all_points(azimuth, elevation, seed):
     up, local = np.cross(direction, right), points - view.focus
     assert np.abs(local @ up).max() <= view.half_height
     assert np.abs(local @ right).max() <= view.half_height * view.aspect * (1.0 + 1e-9)
-
-
-# ---------------------------------------------------------------- pictures
 
 
 def coloured(*strain):
@@ -142,9 +134,6 @@ def test_a_picture_of_a_studio_is_that_of_a_plotter(renders):
     assert np.mean(difference > 40) < 0.03
 
 
-# ---------------------------------------------------------------- places
-
-
 @settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1))
 def test_places_are_in_the_order_across_the_fibres(seed):
@@ -165,9 +154,6 @@ def test_one_spike_does_not_flatten_an_axis():
     assert 42.0 < high < 50.0
 
 
-# ---------------------------------------------------------------- curves
-
-
 def test_the_length_figure_shows_each_fibre_and_the_mean():
     lengths = np.array([[10.0, 20.0, 60.0], [11.0, 19.0, 63.0]])
     axes = plot_lengths([0.0, 5.0], lengths).axes[0]
@@ -179,6 +165,17 @@ def test_the_length_figure_shows_each_fibre_and_the_mean():
     low, high = axes.get_ylim()
     assert low < 10.0
     assert high > 63.0
+
+
+def test_titles_of_any_letters_and_length_are_on_the_picture():
+    title = "a_subject_of_a_study: $_{$ fixed points at rest"
+    with rc_context():
+        set_style()
+        figure = plot_lengths([0.0], [[1.0]], title=title, width=85.0)
+        (written,) = (text for text in figure.texts if text.get_text() == title)
+        box = written.get_window_extent()
+    assert 0.0 <= box.x0 < box.x1 <= figure.bbox.width
+    assert figure.axes[0].get_legend_handles_labels()[1] == ["1 path", "mean"]
 
 
 def test_moment_arms_of_a_single_pose_are_dots():

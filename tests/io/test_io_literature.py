@@ -1,11 +1,12 @@
 """Published moment arms come back as they are, and every fault is named with its line."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from vtkmuscle.io import curves_for, read_literature, write_literature
+from vtkmuscle.io.literature import drawn_curves
 
 TABLE = """# where it is from
 source,muscle,part,dof,angle_deg,moment_arm_mm,note
@@ -31,6 +32,9 @@ def test_each_source_and_part_is_a_curve_by_ascending_angle(path):
     assert (first.angles.tolist(), first.arms.tolist()) == ([0, 10], [30, 31.5])
     assert (lower.part, upper.part) == ("fibres_lower_bound", "fibres_upper_bound")
     assert (other.dof, other.arms.tolist()) == ("hip_rotation", [-4])
+    for by in (0.0, 9.0):  # sides of a single angle, or of different angles, enclose no area
+        above = replace(upper, angles=upper.angles + by)
+        assert [curve.upper for curve in drawn_curves((lower, above))] == [None, None]
 
 
 def test_what_is_written_is_read_back(path, tmp_path):

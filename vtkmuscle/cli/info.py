@@ -46,8 +46,7 @@ def draw_landmarks(file: Path, picture: Path) -> None:
     points, closed = read_landmarks(file)
     line = np.vstack([points, points[:1]]) if closed else points
     names = read_named_points(file).names
-    figure = blank_figure(12.0, 4.5, "constrained")
-    figure.suptitle(file.name)
+    figure = blank_figure(12.0, 4.5, "constrained", title=file.name)
     for axes, (across, up) in zip(figure.subplots(1, 3), ((0, 1), (0, 2), (1, 2)), strict=True):
         axes.plot(line[:, across], line[:, up], "-", linewidth=1.0)
         axes.plot(points[:, across], points[:, up], "k.", markersize=4.0)

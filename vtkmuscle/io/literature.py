@@ -132,20 +132,19 @@ class DrawnCurve:
 
 def drawn_curves(curves: Sequence[LiteratureCurve]) -> Iterator[DrawnCurve]:
     """Yield curves for a figure: bands, lines or points."""
-    uppers = {_band(curve): curve for curve in curves if curve.part.endswith(UPPER)}
-    lowers = {_band(curve) for curve in curves if curve.part.endswith(LOWER)}
+    sides = [{_band(curve): curve for curve in curves if curve.part.endswith(end)} for end in (LOWER, UPPER)]
     for curve in curves:
-        upper = uppers.get(_band(curve))
-        if curve.part.endswith(LOWER) and upper is not None:
-            first, last = max(curve.angles[0], upper.angles[0]), min(curve.angles[-1], upper.angles[-1])
-            grid = np.unique(np.concatenate([curve.angles, upper.angles]))
-            grid = grid[(grid >= first) & (grid <= last)]
-            low, high = (np.interp(grid, side.angles, side.arms) for side in (curve, upper))
-            kind = _band(curve)[1].strip("_ ") or "fibres"
-            yield DrawnCurve(curve.source, f"{curve.source}, {kind}", grid, low, high)
-        elif not (curve.part.endswith(UPPER) and _band(curve) in lowers):  # drawn with the lower side
+        band = [side[_band(curve)] for side in sides if _band(curve) in side]
+        grid = np.unique(np.concatenate([side.angles for side in band or [curve]]))
+        for side in band:
+            grid = grid[(side.angles[0] <= grid) & (grid <= side.angles[-1])]
+        if len(band) < 2 or curve not in band or len(grid) < 2:  # sides at other angles enclose no area
             label = ", ".join(word.replace("_", " ") for word in (curve.source, curve.part) if word)
             yield DrawnCurve(curve.source, label, curve.angles, curve.arms)
+        elif curve is band[0]:
+            low, high = (np.interp(grid, side.angles, side.arms) for side in band)
+            kind = _band(curve)[1].strip("_ ") or "fibres"
+            yield DrawnCurve(curve.source, f"{curve.source}, {kind}", grid, low, high)
 
 
 def _band(curve: LiteratureCurve) -> tuple[str, str]:

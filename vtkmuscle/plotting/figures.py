@@ -114,16 +114,16 @@ def plot_lengths(
         Of the figure on paper [mm].
     """
     values = np.asarray(lengths, dtype=np.float64)
-    figure = sheets.blank_figure(width / sheets.INCH, min(0.75 * width / sheets.INCH, 4.2), "constrained")
-    figure.suptitle(title, fontsize="large")
+    wide = width / sheets.INCH
+    figure = sheets.blank_figure(wide, min(0.75 * wide, 4.2), "constrained", title=title)
     axes = figure.subplots()
     axes.set(xlabel=time_label, ylabel=f"{of} length [mm]")
     axes.spines[["top", "right"]].set_visible(False)
     if ticks:
         axes.set_xticks(list(ticks), list(ticks.values()))
-    look: dict[str, Any] = {"color": views.MUSCLE_RED, "linewidth": 0.7}
     _draw_lines(axes, np.asarray(times), values, views.MUSCLE_RED, 0.25)
-    axes.plot([], [], alpha=0.5, label=f"{values.shape[1]} {of}s", **look)
+    label = f"{values.shape[1]} {of}{'s'[: values.shape[1] > 1]}"
+    axes.plot([], [], color=views.MUSCLE_RED, linewidth=0.7, alpha=0.5, label=label)
     mean, single = values.mean(axis=1), "o" * (len(values) == 1)
     axes.plot(times, mean, color="black", linewidth=1.5, marker=single, label="mean")
     axes.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
@@ -237,7 +237,7 @@ def _draw_arms(axes: Axes, joint_arms: JointArms, positions: Floats | None) -> N
     colour = views.MUSCLE_RED if positions is None else "#2a788e"
     by_place = colour if positions is None else colours_of(positions, views.PLACE_MAP) / 255.0
     _draw_lines(axes, values, arms, by_place, 0.6)
-    axes.plot([], [], color=colour, linewidth=0.9, label=f"{arms.shape[1]} paths")
+    axes.plot([], [], color=colour, linewidth=0.9, label=f"{arms.shape[1]} path{'s'[: arms.shape[1] > 1]}")
     axes.plot(values, mean, color="black", linewidth=1.5, marker="o" * (len(values) == 1), label="mean")
     if joint_arms.quartic is not None:
         quartic = joint_arms.drawn(joint_arms.quartic.mean(axis=1))

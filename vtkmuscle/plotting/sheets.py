@@ -129,14 +129,16 @@ def sheet(panels: Sequence[Panel], title: str, units: str, width: float, *, bott
 def set_style() -> None:
     """Set matplotlib's parameters for a journal, without those of a matplotlibrc in the working folder."""
     rcdefaults()
-    rcParams.update(_STYLE)
+    rcParams.update(_STYLE | {"text.parse_math": False})  # a name may have two dollar signs
 
 
 def blank_figure(width: float, height: float, layout: Any = None, *, title: str = "") -> Figure:
-    """Return a white figure. Of a size [inches], with a title at its top and a layout of matplotlib."""
+    """Return a white figure. Of a size [inches], with a title across its top and a layout of matplotlib."""
     figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, facecolor="white", layout=layout)
     FigureCanvasAgg(figure)
-    figure.text(0.5, 1.0 - 0.15 / height, title, ha="center", va="center", fontsize="large")
+    if title:
+        size = rcParams["font.size"] * min(1.2, letters_in(width) / len(title))
+        figure.suptitle(title, size=size, **({} if layout else {"y": 1.0 - 0.15 / height, "va": "center"}))
     return figure
 
 
