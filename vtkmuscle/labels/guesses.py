@@ -132,7 +132,7 @@ def _guesses_of(
     hanging = checked_surface(child, "bone")[0].mean(axis=0) - fit.centre
     down = max(0.0, float(-hanging[2] / np.linalg.norm(hanging)))
     limb = "" if side or fit.axis is not None else ", of a right limb, as no name has a side"
-    confidence = (0.5 if limb else 1.0) * (down if fit.axis is None else down * fit.confidence)
+    confidence = down if fit.axis is None else down * fit.confidence
     why = f"signs for a standing person in {frame}{limb}; the bone hangs down by {down:.2f} of its length"
     axes = Guess(f"{key}.{'axes' if fit.axis is None else 'axis'}", ", ".join(kind.axes), confidence, why)
     return [Guess(f"{key}.centre", centre, fit.confidence, f"{shape}: {sizes}"), axes]
