@@ -10,6 +10,7 @@ from vtkmuscle import Scene
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.data.arrays import add_arrays, checked_surface, field_array, points_of
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from
+from vtkmuscle.data.muscle_geometry import surface_of
 from vtkmuscle.filters import FibreSmoother, FibreTemplateSource, FibreTrimmer, SliceMorpher, TemplateFitter
 
 LENGTH = 80.0
@@ -80,13 +81,15 @@ def test_several_areas_of_a_role_are_used_together(muscle):
     assert (np.abs(starts[:, 0]) > 0.5).all()
 
 
-def test_an_open_curve_is_an_area_too(muscle):
+@pytest.mark.parametrize(("rule", "spread"), [("shared", 5.0), ("closest", 0.0)])
+def test_an_open_curve_is_an_area_too(muscle, rule, spread):
     # A line attachment, as that of the gluteus maximus on the femur, along one side near the top.
     line = np.column_stack([np.full(5, 10.0), np.linspace(-5, 5, 5), np.full(5, 75.0)])
     data = attachments_from([areas()[0], AttachmentArea("insertion", "femur", line, False)])
-    _, ends = ends_of(FibreTrimmer()(fibres(), muscle, data))
+    _, ends = ends_of(FibreTrimmer(end_rule=rule)(fibres(), muscle, data))
     assert_allclose(ends[:, 0], 10, atol=1e-6)
-    assert np.ptp(ends[:, 1]) > 5
+    assert np.ptp(ends[:, 1]) > spread
+    assert np.abs(ends[:, 2] - 75.0).max() <= surface_of(muscle, "").geometry.mean_edge
 
 
 def test_the_axis_of_the_template_is_used_where_there_is_one(muscle):

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.attachments.patches import Patch, attachment_patch, discs_over
+from vtkmuscle.core.attachments.patches import Patch, attachment_patch, band_along, discs_over
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fibres.between_areas import EndSurface
 from vtkmuscle.core.mesh import surface as surfaces
 from vtkmuscle.core.mesh.normals import triangle_normals
-from vtkmuscle.core.mesh.sampling import Band, PatchSamples, samples_inside
+from vtkmuscle.core.mesh.sampling import PatchSamples, samples_inside
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import Solids, open_edges, solids_of
 from vtkmuscle.core.mesh.surface import extent
@@ -242,7 +242,7 @@ def joined_surface(
                 continue
         points.append(inner[0])
         triangles.append(inner[1] + first)
-        patches.append(Patch(first + np.arange(len(inner[0])), np.empty((0, 3), dtype=np.int64)))
+        patches.append(Patch(first + np.arange(len(inner[0]))))
         first += len(inner[0])
     if len(points) == 1:
         return EndSurface(geometry.on(patches), takes)
@@ -252,14 +252,12 @@ def joined_surface(
 
 def samples_of(points: Floats, triangles: Ints, patches: Sequence[Patch]) -> PatchSamples:
     """Return attachment areas as one surface."""
-    curved = [patch for patch in patches if len(patch.segments)]
     whole = [patch.points for patch in patches if not len(patch.segments)]
-    band = None
-    if curved:
-        curves = triangle_tree(points, np.vstack([patch.segments for patch in curved]))
-        near = np.unique(np.concatenate([patch.points for patch in curved]))
-        band = Band(near, curves, max(patch.within for patch in curved))
-    return PatchSamples(points, triangles, np.concatenate([np.empty(0, dtype=np.int64), *whole]), band)
+    if curves := [patch for patch in patches if len(patch.segments)]:
+        band = band_along(points, triangles, curves)
+        whole.append(len(points) + np.arange(len(band[0])) if len(band[0]) else curves[0].points)
+        points, triangles = np.vstack([points, band[0]]), np.vstack([triangles, len(points) + band[1]])
+    return PatchSamples(points, triangles, np.unique(np.concatenate(whole)))
 
 
 def _within(area: AttachmentArea, geometry: MuscleGeometry) -> tuple[Floats, Ints] | None:

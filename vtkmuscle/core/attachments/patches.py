@@ -70,19 +70,22 @@ CLEAR_SHARE = 0.2
 #: that faces away recedes as much. Points between are on the rim of the muscle. If all points faced the bone,
 #: fibres of four muscles of a real hip would change by 0.04 to 0.4 mm.
 FACING = 0.5
+#: Half the width of a curve's area, as a part of the tolerance: by default it is as wide as a mean edge,
+#: as fine as the mesh. With 0.25 and 1 mean moment arms change by up to 0.2 mm (root mean square) for curves
+#: on two muscles of a hip, by 1.0 and 2.2 mm for loose points on six muscles of a knee.
+HALF_WIDTH = 0.5
 
 
 class Patch(NamedTuple):
     """Attachment area on a muscle.
 
-    A ring encloses points (k,), ascending. For a curve they are the points within the tolerance, segments
+    A ring encloses points (k,), ascending. For a curve they are the points within the tolerance; segments
     (j, 3) are the curve's, triangles without area, of point ids, and the area is the surface within a
-    distance of the segments [mm], through triangles of any size. The distance is half the tolerance: the
-    triangles between the points are as wide, on average.
+    distance of the segments [mm]: see :func:`band_along`.
     """
 
     points: Ints
-    segments: Ints
+    segments: Ints = np.empty((0, 3), dtype=np.int64)
     within: float = 0.0
 
 
@@ -117,13 +120,13 @@ def attachment_patch(
     ring = closed and len(landmarks) > 2 and bool(spread[1] > SLIVER * spread[0])
     curve = geodesic_curve(points, edges, vertices, closed=ring)
     if ring and len(patch := _enclosed(points, triangles, curve, (edges, edge_of), bone_distance)):
-        return Patch(patch, np.empty((0, 3), dtype=np.int64))
+        return Patch(patch)
     # Points connected with the curve: the opposite face may be as near.
     segments = np.column_stack([curve, np.append(curve[1:], curve[-1]), curve])  # triangles without area
     on_patch = triangle_tree(points, segments).nearest(points)[2] <= within
     on_patch[curve] = True
     labels = surfaces.point_components(len(points), edges[on_patch[edges].all(axis=1)])
-    return Patch(np.flatnonzero(on_patch & np.isin(labels, labels[curve])), segments, 0.5 * within)
+    return Patch(np.flatnonzero(on_patch & np.isin(labels, labels[curve])), segments, HALF_WIDTH * within)
 
 
 def _nearest_vertices(
@@ -212,6 +215,10 @@ def discs_over(rings: Sequence[Floats]) -> tuple[Floats, Ints]:
     return np.vstack(points), np.vstack(triangles).astype(np.int64)
 
 
+#: Distance of a small triangle's corners from its middle, as a part of half the width of a band. With 0.06
+#: and 0.12 mean lengths of fibres in ten muscles of a hip and a knee differ by at most 0.3 mm, with 0.5 by
+#: 0.9.
+FINE = 0.25
 #: Most landmarks of an outline: patches inside outlines have 0.9 to 1.0 of the original area.
 MOST_LANDMARKS = 40
 
@@ -242,6 +249,30 @@ def outline(points: Floats, triangles: Ints, patch: Ints) -> tuple[Floats, bool]
         rings.append(ring)
     longest = max(rings, key=len)
     return points[longest[: -1 : -(-(len(longest) - 1) // MOST_LANDMARKS)]], True
+
+
+def band_along(points: Floats, triangles: Ints, curves: Sequence[Patch]) -> tuple[Floats, Ints]:
+    """Return points and triangles of the area of curves.
+
+    The parts of the triangles within the distance of the segments: a band of even width, through triangles of
+    any size. Triangles are cut in four until each is inside, outside or small.
+    """
+    near = np.concatenate([curve.points for curve in curves])
+    tree = triangle_tree(points, np.vstack([curve.segments for curve in curves]))
+    within, kept = max(curve.within for curve in curves), [np.empty((0, 3, 3))]
+    corners = points[triangles[np.isin(triangles, near).any(axis=1)]]
+    while len(corners):
+        middles = corners.mean(axis=1)
+        sizes = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
+        away, small = tree.nearest(middles)[2], sizes <= FINE * within
+        done = np.where(small, away, away + sizes) <= within
+        kept.append(corners[done])
+        corners = corners[~done & ~small & (away - sizes < within)]
+        halves = 0.5 * (corners + np.roll(corners, -1, axis=1))
+        at_corners = [np.stack([corners[:, i], halves[:, i], halves[:, i - 1]], axis=1) for i in range(3)]
+        corners = np.concatenate([halves, *at_corners])
+    parts = np.concatenate(kept)
+    return parts.reshape(-1, 3), np.arange(3 * len(parts)).reshape(-1, 3)
 
 
 def ring_sides(points: Floats) -> Floats:

@@ -2,13 +2,12 @@
 
 from collections.abc import Callable
 from functools import cached_property, lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.normals import triangle_normals
-from vtkmuscle.core.mesh.surface import box_of, edge_lengths, longest_side, unique_edges
+from vtkmuscle.core.mesh.surface import box_of, edge_lengths, faces_between, longest_side, unique_edges
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.types import ROUNDING, SAME, Bools, Floats, Ints
 
@@ -17,8 +16,6 @@ MOST_BLOCKS = 512
 #: Positions of a column. With 8 the points of fibres in ten muscles of a hip and a knee move by 0.6 to 1.6 mm
 #: (root mean square).
 LAYERS = 16
-#: Samples that measure a band's part of its triangles; most doublings of samples in search of those in it.
-MEASURED, FINEST = 4096, 6
 #: Spread of the points' weights in the axes of a body, bone or area: decides between axes of equal length,
 #: far above rounding, without turning other axes: without it mean lengths of fibres in ten muscles differ by
 #: at most 0.003 mm.
@@ -63,67 +60,39 @@ def _choose(places: Floats, at: int, squares: Floats, chosen: Ints) -> None:
                 greatest, at = squares[i], i
 
 
-class Band(NamedTuple):
-    """Surface within a distance of curves [mm], of the triangles at points near (j,) the curves."""
-
-    near: Ints
-    curves: TriangleTree
-    within: float
-
-    def holds(self, positions: Floats) -> Bools:
-        """Return which positions (k, 3) of the surface are in the band."""
-        return self.curves.nearest(positions)[2] <= self.within
-
-
 class PatchSamples:
-    """Samples of a patch of a surface, and distances.
+    """Samples of the triangles between some points of a surface, and distances to them.
 
-    The patch is the triangles between some points (j,), and a band; without triangles it is the edges between
-    the points, without edges the points. Each set of samples is computed once.
+    Each set of samples is computed once. A patch (j,), j >= 1, without triangles is sampled along its edges,
+    a patch without edges at its points.
     """
 
-    def __init__(self, points: Floats, triangles: Ints, patch: Ints, band: Band | None = None) -> None:
-        inside, self._band = np.isin(triangles, patch).all(axis=1), band
-        if band is not None:
-            inside |= np.isin(triangles, band.near).any(axis=1)
-        parts = self.faces = _in_own_order(points, triangles[inside])
+    def __init__(self, points: Floats, triangles: Ints, patch: Ints) -> None:
+        parts = self.faces = _in_own_order(points, faces_between(triangles, patch))
         sizes = np.linalg.norm(triangle_normals(points, parts), axis=1)
+        #: Area of the triangles [mm^2].
+        self.area = float(sizes.sum()) / 2.0
         if not sizes.sum() > 0:
-            patch, self._band = patch if band is None else np.union1d(patch, band.near), None
             edges = unique_edges(triangles)
             parts = edges[np.isin(edges, patch).all(axis=1)]
             sizes = edge_lengths(points, parts)
-            if not sizes.sum() > 0:
-                parts, sizes = patch[:, None], np.ones(len(patch))
         #: Corners of the triangles, or ends of the edges, or points to sample, (k, 3), (k, 2) or (k, 1).
-        self._parts = parts
-        self._whole: Bools = np.asarray(np.isin(self._parts, patch).all(axis=1))
+        self._parts = parts if sizes.sum() > 0 else patch[:, None]
         self.points, self._sizes = points, sizes
         self._dense: dict[tuple[int, int], Floats] = {}
 
     @cached_property
-    def area(self) -> float:
-        """Area of the patch [mm^2]."""
-        whole = 0.5 * float(self._sizes.sum()) if self._parts is self.faces else 0.0
-        return whole if self._band is None else whole * self._sampled(sobol(MEASURED, 3))[1].mean()
-
-    @cached_property
     def tree(self) -> TriangleTree:
-        """Tree of the triangles. Edges and points count as triangles, a band with all corners."""
+        """Tree of the triangles; edges and points count as triangles without area."""
         return triangle_tree(self.points, self._parts[:, np.minimum([0, 1, 2], self._parts.shape[1] - 1)])
 
     def distances(self, positions: Floats) -> Floats:
-        """Return distances (k,) of positions (k, 3)."""
-        return np.asarray(np.linalg.norm(positions - self.onto(positions), axis=1))
+        """Return distances (k,) of positions (k, 3) from the patch."""
+        return self.tree.nearest(positions)[2]
 
     def onto(self, positions: Floats) -> Floats:
         """Return the nearest points of the patch. Positions are (k, 3)."""
-        chosen, nearest, _ = self.tree.nearest(positions)
-        if self._band is not None and len(beyond := np.flatnonzero(~self._whole[chosen])):
-            _, feet, away = self._band.curves.nearest(nearest[beyond])
-            share = np.minimum(self._band.within / np.maximum(away, 1e-300), 1.0)[:, None]
-            nearest[beyond] = self.tree.nearest(feet + share * (nearest[beyond] - feet))[1]
-        return nearest
+        return self.tree.nearest(positions)[1]
 
     def dense(self, count: int, *, seed: int = 0) -> Floats:
         """Return positions of even density. At least `count`, (k, 3); a seed selects a set.
@@ -131,15 +100,9 @@ class PatchSamples:
         Loose points repeat.
         """
         exponent = int(np.ceil(np.log2(count)))
-        key, finer = (exponent, seed), 0
-        while key not in self._dense:
-            number = 2 ** (exponent + finer)
-            positions, inside = self._sampled(sobol(number, 3, first=seed * number))
-            if inside.sum() >= 2**exponent:
-                self._dense[key] = positions[inside]
-            elif finer == FINEST:  # triangles far larger than the band
-                self._dense[key] = self.onto(positions[: 2**exponent])
-            finer += 1
+        key = exponent, seed
+        if key not in self._dense:
+            self._dense[key] = self._sampled(sobol(2**exponent, 3, first=seed * 2**exponent))
         return self._dense[key]
 
     def above(self, count: int, direction: Floats, height: float, *, seed: int = 0) -> Floats:
@@ -155,24 +118,18 @@ class PatchSamples:
             positions = positions[positions @ direction > height]
         return positions
 
-    def _sampled(self, u: Floats) -> tuple[Floats, Bools]:
-        """Return positions, and which are in the patch. Numbers (k, 3) are in [0, 1)."""
-        # Without the offset, fractions of a power of two fall on bounds of equal parts: rounding decides.
+    def _sampled(self, u: Floats) -> Floats:
+        """Return the positions of numbers (k, 3) in [0, 1)."""
+        if self._parts.shape[1] == 1:
+            return np.resize(self.points[self._parts[:, 0]], (len(u), 3))
         bounds = np.cumsum(self._sizes)
+        # Without the offset, fractions of a power of two fall on bounds of equal parts: rounding decides.
         chosen = np.searchsorted(bounds, (u[:, 0] + ROUNDING) * bounds[-1], side="right")
-        chosen = chosen.clip(max=len(bounds) - 1)
-        a, *others = self.points[self._parts[chosen]].transpose(1, 0, 2)
-        if not others:
-            positions = a
-        elif len(others) == 1:
-            positions = (1.0 - u[:, 1:2]) * a + u[:, 1:2] * others[0]
-        else:
-            root = np.sqrt(u[:, 1:2])  # uniform over it: Osada et al. 2002, doi:10.1145/571647.571648
-            positions = (1.0 - root) * a + root * (1.0 - u[:, 2:]) * others[0] + root * u[:, 2:] * others[1]
-        inside = self._whole[chosen]
-        if self._band is not None:
-            inside[~inside] = self._band.holds(positions[~inside])
-        return positions, inside
+        a, b, *third = self.points[self._parts[chosen.clip(max=len(bounds) - 1)]].transpose(1, 0, 2)
+        if not third:
+            return np.asarray((1.0 - u[:, 1:2]) * a + u[:, 1:2] * b)
+        root = np.sqrt(u[:, 1:2])  # uniform over it: Osada et al. 2002, doi:10.1145/571647.571648
+        return np.asarray((1.0 - root) * a + root * (1.0 - u[:, 2:]) * b + root * u[:, 2:] * third[0])
 
 
 def uneven_weights(count: int) -> Floats:

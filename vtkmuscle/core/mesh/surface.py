@@ -24,6 +24,11 @@ def half_edges(triangles: Ints) -> Ints:
     return triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
 
 
+def faces_between(triangles: Ints, ids: Ints) -> Ints:
+    """Return the triangles (k, 3) with all corners among point ids."""
+    return triangles[np.isin(triangles, ids).all(axis=1)]
+
+
 def unique_edges(triangles: Ints) -> Ints:
     """Return each undirected edge once, (k, 2). Triangles (m, 3). Sorted, the smaller point id first."""
     return numbered_edges(triangles)[0]
