@@ -11,7 +11,7 @@ from vtkmuscle.core.moment_arms.levers import MotionTwists, differences_by, twis
 from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.core.motion.coordinates import Coordinate, carried_twists
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, rotation_about
-from vtkmuscle.core.paths.levers import path_levers
+from vtkmuscle.core.paths.levers import path_levers, pull_of
 from vtkmuscle.joints import grid_of
 from vtkmuscle.joints.functions import IDENTITY
 from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
@@ -46,8 +46,24 @@ def of_straight(points, twist):
 
 def straight_levers(points, stays, twists):
     """Return the levers of straight paths from a bone that stays to the next one, which nothing holds."""
-    drift = np.zeros_like(points)
-    return path_levers(points, (stays, stays + 1), {}, twists, drift, (np.zeros_like, np.zeros_like))
+    return path_levers(points, (stays, stays + 1), {}, twists, np.zeros_like(points), (np.zeros_like,) * 3)
+
+
+@pytest.mark.parametrize(("softness", "responds"), [(0.3, 1 / 0.3), (0.05, 5.0), (1e-5, 1e-3), (-0.2, 0.0)])
+def test_a_path_about_to_buckle_has_the_lever_of_a_path_that_is_not(softness, responds):
+    points = CENTRE + np.array([[[0.0, 0.0, -40.0], [0.0, 9.0, -15.0], [0.0, 9.0, 15.0], [0.0, 0.0, 40.0]]])
+    twist, stays = np.array([[np.zeros(6), [0.0, 3.0, 2.0, 0.0, 0.0, 0.0]]]), np.zeros(1, dtype=np.int64)
+    stiffness, shares = np.ones((2, 2, 3))
+    stiffness[0, 1] = softness  # of Newton's matrix, by which each point goes with the end
+
+    def change(velocity):
+        return np.pad(stiffness * velocity[:, 1:-1] - velocity[:, -1:], ((0, 0), (1, 1), (0, 0)))
+
+    solver = change, np.negative, np.copy
+    found = path_levers(points, (stays, stays + 1), {}, twist, np.zeros_like(points), solver)
+    shares[0, 1] = 1 / 3 + (1 - softness / 3) * responds  # beyond the point's third of the way to the end
+    moved = np.concatenate([shares, np.ones((1, 3))]) * twist[0, 1, :3]
+    assert found[0, 0] == pytest.approx(np.sum(pull_of(points)[0, 1:] * moved), abs=2e-3)
 
 
 def lever_about(ends, centre, axis):
@@ -134,18 +150,9 @@ def test_the_way_from_rest_to_a_sweep_has_no_levers():
 # --------------------------------------------------------------------- several coordinates
 
 #: Flexion about x, then abduction about the y axis that goes with it.
-TREE = KinematicTree(
-    "ground",
-    [
-        Joint(
-            "hip",
-            "ground",
-            "shank",
-            [JointAxis(AXIS, IDENTITY, "flexion"), JointAxis(np.eye(3)[1], IDENTITY, "abduction")],
-        )
-    ],
-    [JointCoordinate("flexion"), JointCoordinate("abduction")],
-)
+BALL = [JointAxis(AXIS, IDENTITY, "flexion"), JointAxis(np.eye(3)[1], IDENTITY, "abduction")]
+COORDINATES = [JointCoordinate("flexion"), JointCoordinate("abduction")]
+TREE = KinematicTree("ground", [Joint("hip", "ground", "shank", BALL)], COORDINATES)
 
 
 def of_ball(flexion, abduction):
@@ -178,10 +185,7 @@ def test_a_grid_of_7_by_19_poses_has_levers_by_both_coordinates_in_all_of_them(k
         np.testing.assert_allclose(arms[name].arms, right, atol=1e-5)
         assert np.isfinite(arms[name].slopes).all()
         # A curve for each value of the other coordinate, with a gap between two.
-        values, (sweeps, steps) = (
-            arms[name].drawn(arms[name].values),
-            {"flexion": (19, 7), "abduction": (7, 19)}[name],
-        )
+        values, sweeps, steps = arms[name].drawn(arms[name].values), *{"flexion": (19, 7)}.get(name, (7, 19))
         assert np.isnan(values).sum() == sweeps - 1
         rows = np.append(values, np.nan).reshape(sweeps, steps + 1)
         np.testing.assert_allclose(rows[:, :-1], np.tile(np.unique(grid[name]), (sweeps, 1)), atol=1e-9)

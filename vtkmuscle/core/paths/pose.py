@@ -263,11 +263,16 @@ class SheetPose:
             self._solve(gradient)
             return self.move.copy()
 
+        def resist(velocity: Floats) -> Floats:
+            result = np.empty_like(velocity)
+            equilibrium.multiply(*self._matrix, velocity, result)
+            return result
+
         about = np.array(twists, dtype=np.float64)
         about[..., :3] += np.cross(about[..., 3:], self._middle)
         ends = sheet.start_bones, sheet.end_bones
         carried = None if sheet.guides is None else (sheet.guides, self._moved)
-        return path_levers(x, ends, loads, about, drift, (change, step), carried)
+        return path_levers(x, ends, loads, about, drift, (change, step, resist), carried)
 
     def _loads(self) -> list[tuple[int, Load]]:
         """Return the loads on the points, each with the number of its bone."""
