@@ -148,7 +148,7 @@ def bend_inside(fibres: Floats, into_muscle: FloatMap) -> Floats:
 
 
 #: Positions that sample each share of an area: with 8 mean lengths of fibres in ten muscles differ by at most
-#: 0.4 mm, with 32 by 0.2.
+#: 0.5 mm, with 32 by 0.2.
 CANDIDATES = 16
 #: Passes of Lloyd's relaxation. For 333 positions on plates of 30 x 10 and 5 x 60 mm cell sizes have a
 #: standard deviation of 0.33 of the mean without passes, 0.17 with 2, 0.10 with 16; between equal plates with

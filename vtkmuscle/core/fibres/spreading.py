@@ -70,7 +70,7 @@ PIECES = 8
 #: of the squared fibre spacing (a twentieth of the spacing each way). 0 and 0.2 move points by 0.2 to 0.6 mm.
 OVERLAP = 0.1
 #: Part of a fibre along which points follow its end: less leaves hooks, more leaves bare flanks. With 0 turns
-#: are larger by up to 9 degrees, with 0.22 by up to 6.
+#: are larger by up to 9 degrees, with 0.22 by up to 8.
 REACH = 0.11
 #: Most cells of the grid along a side: 270 MB of numbers. The ten muscles need fewer.
 FINEST = 256

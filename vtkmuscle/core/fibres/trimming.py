@@ -22,13 +22,13 @@ from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.types import Bools, FloatMap, Floats, Ints
 
 #: Largest turn from a fibre into its new end segment [degrees]. For ten muscles of a hip and a knee 45 moves
-#: the points by up to 2.5 mm (root mean square), 90 by up to 4.4 mm.
+#: the points by up to 2 mm (root mean square), 90 by up to 4 mm.
 LARGEST_TURN = 60.0
 #: Multiples of the cut at the plane, in the order of trial: from the plane outwards to no cut. The first
-#: alone moves points by up to 5.2 mm.
+#: alone moves points by up to 5 mm.
 CUTS = (1.0, 0.8, 1.2, 0.6, 1.4, 0.4, 1.7, 0.2, 2.0, 0.0)
 #: Parameters along a new segment at which it is checked against the surface. Four instead of 16 move points
-#: by at most 1.3 mm.
+#: by at most 1 mm.
 CHECKS = (np.arange(16) + 0.5) / 16.0
 #: Points of the curve along a fibre from which its points are spaced anew, as a multiple of these: chords of
 #: a quarter of a segment are a sixteenth as far off a bend.
