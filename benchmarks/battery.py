@@ -4,7 +4,8 @@ Run as ``python benchmarks/battery.py [SCENE.toml ...] [--pictures FILE] [--rst 
 that are in folders beside the real hip (``VTKMUSCLE_DATA``). A row per muscle: verdict, what it is for, how
 far a path leaves the straight line between the frames before and after (95th percentile, largest), the
 largest share of the surface that is out of shape, the largest change of the angles between triangles (95th
-percentile), and the time of a frame. ``--pictures`` draws all muscles in their last frame on one sheet.
+percentile), steps of Newton's method in a frame (median / most), and the time of a frame. ``--pictures``
+draws all muscles in their last frame on one sheet.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ HEADER = (
     "largest [mm]",
     "misshapen [%]",
     "angles [deg]",
+    "steps",
     "frame [ms]",
 )
 #: Pixels of a picture.
@@ -59,6 +61,7 @@ def rows(name: str, result: Result) -> list[tuple[str, ...]]:
         frames = one["frames"]
         off = bend(result.lengths[muscle], turn)
         worst = {key: max(row[key] for row in frames) for key in ("misshapen_area", "dihedral_error_p95_deg")}
+        steps = [row["path_steps"] for row in frames]
         why = ", ".join(reason["check"] for reason in one["verdict"]["reasons"])
         found.append(
             (
@@ -70,6 +73,7 @@ def rows(name: str, result: Result) -> list[tuple[str, ...]]:
                 f"{off.max():.1f}",
                 f"{100.0 * worst['misshapen_area']:.1f}",
                 f"{worst['dihedral_error_p95_deg']:.0f}",
+                f"{np.median(steps):.0f} / {max(steps)}",
                 f"{np.median([row['ms'] for row in frames]):.0f}",
             )
         )
