@@ -21,7 +21,7 @@ from vtkmuscle.io.children import processes
 from vtkmuscle.io.writing import Outputs, locked
 from vtkmuscle.run import Result, Table, frame_numbers
 from vtkmuscle.run.frames import run_options
-from vtkmuscle.run.store import PAGE, ResultFolder, muscle_keys
+from vtkmuscle.run.store import PAGE, ResultFolder, digest_of, muscle_keys
 from vtkmuscle.run.store.writing import digests
 from vtkmuscle.scenes import SETTINGS, Scene
 
@@ -218,7 +218,7 @@ def _rows(scene: Any, out: Path | None, options: Mapping[str, Any]) -> tuple[lis
         result = None if out is None or options.get("fresh") else _finished(scene, out, options)
         if result is None:
             result = scene.run(out, **options)
-    except (ValueError, OSError, MemoryError) as error:
+    except (ValueError, OSError, MemoryError, RuntimeError) as error:
         words = "; ".join(" ".join(line.split()) for line in str(error).splitlines())
         return [_words(words or type(error).__name__, out)], [*_warned]
     return [_row(result, name, out) for name in scene.muscles], [*_warned]
@@ -233,11 +233,13 @@ def _finished(scene: Scene, out: Path, options: Mapping[str, Any]) -> Result | N
     report, keys = folder.report(), muscle_keys(scene, numbers)
     if report is None or not report["complete"] or report.get("sha256") != digests(scene):
         return None
-    if keys.keys() != folder.finished(keys).keys():
-        return None
     there = {"report": (out / PAGE).exists(), "figures": "figures" in report}
-    with suppress(InputError):  # a changed file: the run writes it again
-        return Result.load(out) if all(there[name] or not options[name] for name in there) else None
+    if keys.keys() != folder.finished(keys).keys() or any(options[name] > there[name] for name in there):
+        return None
+    published = {name: muscle.literature for name, muscle in scene.muscles.items()}  # of a scene in memory
+    with suppress(InputError, OSError):  # a changed file: the run writes it again
+        result = Result.load(out)
+        return result if digest_of(result.literature) == digest_of(published) else None
     return None
 
 

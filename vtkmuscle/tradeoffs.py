@@ -211,8 +211,7 @@ def _measured(result: Result, limit: Result | None, name: str) -> dict[str, Any]
         if (inside := (joint.angles >= curve.angles[0]) & (joint.angles <= curve.angles[-1])).any()
     ]
     row["published_rms_mm"] = _rms(off)
-    whole = len(result.frames)
-    if limit is None or result.finished(name) < whole or limit.finished(name) < whole:
+    if limit is None or min(result.finished(name), limit.finished(name)) < len(result.frames):
         return row
     for lengths, finest in ((result.lengths, limit.lengths), (result.fibre_lengths, limit.fibre_lengths)):
         if name in lengths and name in finest:
