@@ -260,10 +260,8 @@ def _row(result: Result, name: str, out: Path | None) -> Row:
     means = {quantity: rows[name].mean(axis=1) for quantity, rows in lengths.items() if name in rows}
     means |= {f"moment_arm_{axis}": joint.mean for axis, joint in result.all_arms.get(name, {}).items()}
     settled = ((quantity, mean[np.isfinite(mean)]) for quantity, mean in means.items())
-    for quantity, mean in ((quantity, mean) for quantity, mean in settled if len(mean)):
-        row[f"{quantity}_mm"] = float(mean.mean())
-        row |= {f"{quantity}_least_mm": float(mean.min()), f"{quantity}_largest_mm": float(mean.max())}
-    return row
+    parts = ("", np.mean), ("_least", np.min), ("_largest", np.max)
+    return row | {f"{of}{part}_mm": float(a(mean)) for of, mean in settled if len(mean) for part, a in parts}
 
 
 def folder_name(labels: Mapping[str, Any]) -> str:

@@ -337,13 +337,12 @@ def _exported(
     lines = _lines(run, name)[kept] if points else None
     number_of = group_fibres(lengths, options.groups)
     units = {each: 1000.0 if tree.coordinate(each).is_angle else 1.0 for each in run.crossed[name]}
+    of_paths = {q: arms[q].arms[np.isin(arms[q].frames, kept)] for q in units}
     for group in range(int(number_of.max()) + 1):
         members = number_of == group
         changes = (lengths - lengths.mean(axis=0))[:, members].T
         mean = lengths[:, members].mean(axis=1) / 1000.0
-        mean_arms = {}
-        for at, unit in units.items():
-            mean_arms[at] = arms[at].arms[np.isin(arms[at].frames, kept)][:, members].mean(axis=1) / unit
+        mean_arms = {q: of_paths[q][:, members].mean(axis=1) / unit for q, unit in units.items()}
         if lines is None:
             columns = {each: values[each] for each in mean_arms}
             path: FunctionPath | PointPath = fit_length(mean, columns, mean_arms)

@@ -31,7 +31,6 @@ _SCHEMA = (
 
 def write_scene(scene: SceneData, folder: Path) -> Path:
     """Write a scene and its files to a folder; see :meth:`vtkmuscle.Scene.save`."""
-    Outputs(folder, inputs=scene.files, overwrite=True).check(folder / "scene.toml")
     for name, surface in scene.bones.items():
         write_polydata(folder / f"bones/{name}.vtp", surface)
     for name, muscle in scene.muscles.items():
