@@ -251,9 +251,8 @@ def _words(message: str, out: Path | None = None, muscle: str = "", verdict: str
 def _row(result: Result, name: str, out: Path | None) -> Row:
     """Return the numbers of a muscle by column."""
     muscle, message = result.report["muscles"][name], "; ".join(result[name].reasons)
-    row = _words(message, out, name, result.verdicts[name])
-    row |= {"frames": len(muscle["frames"]), "seconds": sum(muscle["seconds"].values())}
-    row["volume_mm3"] = muscle.get("volume_mm3")
+    row = _words(message, out, name, result.verdicts[name]) | {"frames": len(muscle["frames"])}
+    row |= {"seconds": sum(muscle["seconds"].values()), "volume_mm3": muscle.get("volume_mm3")}
     architecture = muscle.get("architecture", {})
     row |= {key: architecture[key] for key in ("pcsa_mm2", "pcsa_without_tendon_mm2") if key in architecture}
     lengths = {"length": result.lengths, "fibre_length": result.fibre_lengths}
