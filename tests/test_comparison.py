@@ -34,12 +34,8 @@ class Made:
         self.fibre_lengths = {}
         values = self.angles if self.unit == "deg" else np.radians(self.angles)
         self.motion = SimpleNamespace(coordinates={self.coordinate: Coordinate(values, self.unit)})
-        arms = JointArms(
-            *(self.coordinate, self.unit, "", np.arange(len(rows))),
-            *(values, np.ones(len(rows))),
-            *(np.zeros((2, len(rows)))),
-            *(rows, rows, None, None),
-        )
+        of = self.coordinate, self.unit, "", np.arange(len(rows)), values, np.ones(len(rows))
+        arms = JointArms(*of, *np.zeros((2, len(rows))), rows, rows, None, None)
         self.report["muscles"][self.muscle]["moment_arms"] = {self.coordinate: {}}
         self.all_arms = {self.muscle: {self.coordinate: arms}}
 

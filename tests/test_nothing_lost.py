@@ -42,8 +42,9 @@ def test_a_run_is_not_written_over_its_inputs(scene_file):
         assert "an input (bones.upper.surface)" in said
     with pytest.raises(ValueError, match="an input"):  # changed settings lost the inputs
         Scene.load(scene_file).run(scene_file.parent, overwrite=True, quality="preview")
-    with pytest.raises(ValueError, match="an input"):  # joints and comments were lost
-        Scene.load(scene_file).save(scene_file.parent)
+    for file in (scene_file, scene_file.parent / "bones/upper.vtp"):  # joints, comments and meshes were lost
+        with pytest.raises(ValueError, match="an input"):
+            replace(Scene.load(scene_file), files={"": file}).save(scene_file.parent)
     assert contents(scene_file.parent) == before
 
 

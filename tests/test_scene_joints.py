@@ -70,24 +70,14 @@ def test_a_motion_beyond_a_range_is_warned_of(strap_folder, tmp_path):
 
 
 def test_a_custom_joint_slides_and_a_follower_follows(strap_folder, tmp_path):
-    follower = {
-        "parent": "middle",
-        "child": "distal",
-        "type": "custom",
-        "centre": CENTRE,
-        "coordinates": {"slide": {"follows": "upper", "polynomial": [0.5, 1.0]}, "turn": {"rest": 10.0}},
-        "rotations": [
-            {"axis": [0, 0, 1], "coordinate": "turn", "spline": {"x": [0, 10, 90], "y": [0, 10, 90]}}
-        ],
-        "translations": [{"axis": [0, 2, 0], "coordinate": "slide"}],
-    }
-    path = scene_with(
-        strap_folder,
-        tmp_path,
-        joints={"hip": JOINTS["hip"], "knee": follower},
-        motion={"grid": {"upper": [0, 20, 20], "turn": [10, 30, 20]}},
-    )
-    motion = read_motion(path)
+    follower = {"parent": "middle", "child": "distal", "type": "custom", "centre": CENTRE}
+    slide, turn = {"follows": "upper", "polynomial": [0.5, 1.0]}, {"x": [0, 10, 90], "y": [0, 10, 90]}
+    follower["coordinates"] = {"slide": slide, "turn": {"rest": 10.0}}
+    follower["rotations"] = [{"axis": [0, 0, 1], "coordinate": "turn", "spline": turn}]
+    follower["translations"] = [{"axis": [0, 2, 0], "coordinate": "slide"}]
+    motion = {"grid": {"upper": [0, 20, 20], "turn": [10, 30, 20]}}
+    joints = {"hip": JOINTS["hip"], "knee": follower}
+    motion = read_motion(scene_with(strap_folder, tmp_path, joints=joints, motion=motion))
     assert set(motion.coordinates) == {"upper", "turn"}
     middle, distal = motion.transforms["middle"], motion.transforms["distal"]
     for i, (upper, turn) in enumerate([(0, 10), (0, 30), (20, 30), (20, 10)]):
@@ -163,9 +153,7 @@ def test_the_left_side_is_the_right_one_in_a_mirror(strap_folder, tmp_path):
         moved = apply_transform(right.motion.at(time)["distal"], points)
         there = apply_transform(left.motion.at(time)["distal"], points * signs)
         np.testing.assert_allclose(there, moved * signs, atol=1e-9)
-    arms = [
-        replace(scene, deformer="none").run(figures=False).moment_arms()["strap"] for scene in (right, left)
-    ]
+    arms = [replace(s, deformer="none").run(figures=False).moment_arms()["strap"] for s in (right, left)]
     for name in ("upper", "lower"):  # the template is not mirrored: other fibres
         np.testing.assert_allclose(arms[1][name].mean, arms[0][name].mean, rtol=0.1)
 
@@ -185,9 +173,8 @@ def test_a_saved_scene_moves_alike_and_has_joints_that_tell_its_motion(coordinat
 
 
 def _with(joint, **changes):
-    return JOINTS | {
-        joint: {key: value for key, value in (JOINTS[joint] | changes).items() if value is not None}
-    }
+    made = JOINTS[joint] | changes
+    return JOINTS | {joint: {key: value for key, value in made.items() if value is not None}}
 
 
 GRID = {"motion": {"grid": {"upper": [0, 20, 10]}}}

@@ -67,9 +67,11 @@ def test_errors_are_in_millimetres_and_curves_in_degrees_whatever_the_units_of_c
     motion = measured[0].motion
     ((name, angle),) = motion.coordinates.items()
     sliding = {"distal": np.tile([0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (len(motion.times), 1))}
-    other = {"slide": Coordinate(0.0 * motion.times, "mm", twists=sliding)}
+    other = {"frame": Coordinate(0.0 * motion.times, "mm", twists=sliding)}
     other[name] = replace(angle, values=np.radians(angle.values), unit="rad")
     scene = replace(measured[0], motion=replace(motion, coordinates=other))
+    poses = scene.run(frames="0:1", deformer="none").pose_table()
+    assert [*poses] == ["frame", "time", "coordinate frame", name], "a coordinate was no column"
     table = vtkmuscle.tradeoff(scene, frames="0:3", deformer="none", quality="preview", n_fibres=8).table
     np.testing.assert_allclose(table["published_rms_mm"], 3.0, atol=0.2)
     known = measured[2].table.where(quality="preview")["moment_arm_rms_mm"]
@@ -94,6 +96,10 @@ def test_finished_runs_are_read_again_and_table_and_figure_are_written(measured)
     np.testing.assert_array_equal(again.table.where(muscle=ALL)["ms"], first["ms"])
     assert (out / "tradeoff.csv").read_text().startswith("deformer,quality,n_fibres,muscle,verdict,ms,")
     assert (out / "tradeoff.png").stat().st_size > 5000
+    ((name, muscle),), (curve, *_) = scene.muscles.items(), scene.muscles["spindle"].literature
+    muscle = replace(muscle, literature=(replace(curve, arms=curve.arms + 3.0),))
+    other = vtkmuscle.tradeoff(replace(scene, muscles={name: muscle}), out, frames="0:3", **settings)
+    np.testing.assert_allclose(other.table["published_rms_mm"], 6.0, atol=0.2)  # not of the old curve
     (out / "tradeoff.png").write_text("mine")
     with pytest.raises(ValueError, match=r"tradeoff\.png: the file exists"):
         vtkmuscle.tradeoff(scene, out, frames="0:3", progress=pytest.fail, **settings)

@@ -11,30 +11,15 @@ from phantoms.two_joint_strap import AXIS, LOWER, WRAPS
 from vtkmuscle import Scene
 
 CENTRE = [0.0, *map(float, flexed(LOWER, -WRAPS[0]))]
+HIP = {"parent": "proximal", "child": "middle", "type": "pin", "centre": [0.0, 0.0, 0.0], "axis": list(AXIS)}
+KNEE = {"parent": "middle", "child": "distal", "type": "pin", "centre": CENTRE, "axis": [-x for x in AXIS]}
 JOINTS = {
-    "hip": {
-        "parent": "proximal",
-        "child": "middle",
-        "type": "pin",
-        "centre": [0.0, 0.0, 0.0],
-        "axis": list(AXIS),
-        "coordinates": {"upper": {"range": [-40, 60], "positive": "flexion"}},
-    },
-    "knee": {
-        "parent": "middle",
-        "child": "distal",
-        "type": "pin",
-        "centre": CENTRE,
-        "axis": [-value for value in AXIS],
-        "coordinates": ["lower"],
-    },
+    "hip": HIP | {"coordinates": {"upper": {"range": [-40, 60], "positive": "flexion"}}},
+    "knee": KNEE | {"coordinates": ["lower"]},
 }
 #: The joints of a model of OpenSim in their place.
-OPENSIM = {
-    "bodies": {"proximal": "ground", "middle": "femur", "distal": "tibia"},
-    "frame": "femur",
-    "fixed": "femur",
-}
+BODIES = {"proximal": "ground", "middle": "femur", "distal": "tibia"}
+OPENSIM = {"bodies": BODIES, "frame": "femur", "fixed": "femur"}
 
 
 def save_strap(folder, *, n_fibres=8, resolution=20):

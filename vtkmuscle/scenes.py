@@ -13,6 +13,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.words import ByName, listed, quoted, suggestion
 from vtkmuscle.core.words import names as as_names
 from vtkmuscle.data.arrays import blocks_of
+from vtkmuscle.io.writing import Outputs
 from vtkmuscle.pipelines import DEFORMER_SETTINGS
 from vtkmuscle.plotting.drawing import html_picture
 from vtkmuscle.run import Result, run_scene
@@ -144,14 +145,15 @@ class Scene(SceneData, ByName):
     def save(self, folder: str | PathLike[str]) -> Path:
         """Write the scene to a folder, as :meth:`load` reads it, and return the scene.toml.
 
-        The folder is created if missing; files of equal names are replaced, but for the scene's own file,
+        The folder is created if missing; files of equal names are replaced, but for the scene's own files,
         which may have comments: a ValueError. Joints of the scene's own file are kept, if the
         motion follows from them; those of an OpenSim model are not: the motion is then tables of transforms
         and coordinates, and moment arms of the saved scene are by coordinates that change alone.
         """
         if Path(folder).suffix == ".toml":
             raise SceneError("a scene is a folder with a scene.toml", "save", "give the folder", Path(folder))
-        return write_scene(self, Path(folder))
+        with Outputs(Path(folder), inputs=self.files, overwrite=True):
+            return write_scene(self, Path(folder))
 
     def run(
         self,

@@ -21,7 +21,7 @@ from vtkmuscle.io.children import processes
 from vtkmuscle.io.writing import Outputs, locked
 from vtkmuscle.run import Result, Table, frame_numbers
 from vtkmuscle.run.frames import run_options
-from vtkmuscle.run.store import PAGE, ResultFolder, muscle_keys
+from vtkmuscle.run.store import PAGE, ResultFolder, digest_of, muscle_keys
 from vtkmuscle.run.store.writing import digests
 from vtkmuscle.scenes import SETTINGS, Scene
 
@@ -218,7 +218,7 @@ def _rows(scene: Any, out: Path | None, options: Mapping[str, Any]) -> tuple[lis
         result = None if out is None or options.get("fresh") else _finished(scene, out, options)
         if result is None:
             result = scene.run(out, **options)
-    except (ValueError, OSError, MemoryError) as error:
+    except (ValueError, OSError, MemoryError, RuntimeError) as error:
         words = "; ".join(" ".join(line.split()) for line in str(error).splitlines())
         return [_words(words or type(error).__name__, out)], [*_warned]
     return [_row(result, name, out) for name in scene.muscles], [*_warned]
@@ -233,11 +233,13 @@ def _finished(scene: Scene, out: Path, options: Mapping[str, Any]) -> Result | N
     report, keys = folder.report(), muscle_keys(scene, numbers)
     if report is None or not report["complete"] or report.get("sha256") != digests(scene):
         return None
-    if keys.keys() != folder.finished(keys).keys():
-        return None
     there = {"report": (out / PAGE).exists(), "figures": "figures" in report}
-    with suppress(InputError):  # a changed file: the run writes it again
-        return Result.load(out) if all(there[name] or not options[name] for name in there) else None
+    if keys.keys() != folder.finished(keys).keys() or any(options[name] > there[name] for name in there):
+        return None
+    published = {name: muscle.literature for name, muscle in scene.muscles.items()}  # of a scene in memory
+    with suppress(InputError, OSError):  # a changed file: the run writes it again
+        result = Result.load(out)
+        return result if digest_of(result.literature) == digest_of(published) else None
     return None
 
 
@@ -249,19 +251,16 @@ def _words(message: str, out: Path | None = None, muscle: str = "", verdict: str
 def _row(result: Result, name: str, out: Path | None) -> Row:
     """Return the numbers of a muscle by column."""
     muscle, message = result.report["muscles"][name], "; ".join(result[name].reasons)
-    row = _words(message, out, name, result.verdicts[name])
-    row |= {"frames": len(muscle["frames"]), "seconds": sum(muscle["seconds"].values())}
-    row["volume_mm3"] = muscle.get("volume_mm3")
+    row = _words(message, out, name, result.verdicts[name]) | {"frames": len(muscle["frames"])}
+    row |= {"seconds": sum(muscle["seconds"].values()), "volume_mm3": muscle.get("volume_mm3")}
     architecture = muscle.get("architecture", {})
     row |= {key: architecture[key] for key in ("pcsa_mm2", "pcsa_without_tendon_mm2") if key in architecture}
     lengths = {"length": result.lengths, "fibre_length": result.fibre_lengths}
     means = {quantity: rows[name].mean(axis=1) for quantity, rows in lengths.items() if name in rows}
     means |= {f"moment_arm_{axis}": joint.mean for axis, joint in result.all_arms.get(name, {}).items()}
     settled = ((quantity, mean[np.isfinite(mean)]) for quantity, mean in means.items())
-    for quantity, mean in ((quantity, mean) for quantity, mean in settled if len(mean)):
-        row[f"{quantity}_mm"] = float(mean.mean())
-        row |= {f"{quantity}_least_mm": float(mean.min()), f"{quantity}_largest_mm": float(mean.max())}
-    return row
+    parts = ("", np.mean), ("_least", np.min), ("_largest", np.max)
+    return row | {f"{of}{part}_mm": float(a(mean)) for of, mean in settled if len(mean) for part, a in parts}
 
 
 def folder_name(labels: Mapping[str, Any]) -> str:

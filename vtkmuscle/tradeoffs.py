@@ -191,9 +191,8 @@ def _without_own(scene: Scene) -> Scene:
     def rest(own: Mapping[str, Any] | None) -> dict[str, Any]:
         return {name: value for name, value in (own or {}).items() if name not in _OF_QUALITY}
 
-    muscles = {name: replace(muscle, solver=rest(muscle.solver)) for name, muscle in scene.muscles.items()}
-    scene_wide: dict[str, Any] = {"solver": rest(scene.solver), "paths": rest(scene.paths) or None}
-    return replace(scene, muscles=muscles, files={}, **scene_wide)
+    bare = {name: replace(muscle, solver=rest(muscle.solver)) for name, muscle in scene.muscles.items()}
+    return replace(scene, muscles=bare, files={}, solver=rest(scene.solver), paths=rest(scene.paths) or None)
 
 
 def _measured(result: Result, limit: Result | None, name: str) -> dict[str, Any]:
@@ -211,8 +210,7 @@ def _measured(result: Result, limit: Result | None, name: str) -> dict[str, Any]
         if (inside := (joint.angles >= curve.angles[0]) & (joint.angles <= curve.angles[-1])).any()
     ]
     row["published_rms_mm"] = _rms(off)
-    whole = len(result.frames)
-    if limit is None or result.finished(name) < whole or limit.finished(name) < whole:
+    if limit is None or min(result.finished(name), limit.finished(name)) < len(result.frames):
         return row
     for lengths, finest in ((result.lengths, limit.lengths), (result.fibre_lengths, limit.fibre_lengths)):
         if name in lengths and name in finest:
@@ -237,8 +235,7 @@ def _middle(curve: Any) -> Any:
 
 def _rms(parts: Sequence[Any]) -> float:
     """Return the root mean square of all numbers, or NaN."""
-    root = root_mean_square(np.concatenate([*parts, np.empty(0)]))
-    return np.nan if root is None else root
+    return np.nan if (root := root_mean_square(np.concatenate([*parts, np.empty(0)]))) is None else root
 
 
 def _together(muscles: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
@@ -246,6 +243,4 @@ def _together(muscles: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     verdicts = [row["verdict"] for row in muscles.values()]
     worst = next((verdict for verdict in ("failed", "look", "ok") if verdict in verdicts), "failed")
     row: dict[str, Any] = {"verdict": worst, "ms": sum(row["ms"] for row in muscles.values()) or np.nan}
-    for name in ERRORS:
-        row[name] = max([row[name] for row in muscles.values() if np.isfinite(row[name])], default=np.nan)
-    return row
+    return row | {name: np.fmax.reduce([np.nan, *(own[name] for own in muscles.values())]) for name in ERRORS}

@@ -3,6 +3,7 @@
 import re
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -148,6 +149,9 @@ def test_a_file_that_is_not_read_in_time_is_refused_and_the_next_one_is_read(tmp
         read_polydata(endless)
     monkeypatch.undo()
     assert read_polydata(write(tmp_path, "vtk-ascii")).GetNumberOfPolys()
+    monkeypatch.setattr(Path, "stat", Mock(return_value=Path(__file__).stat()))  # the file is lost after it
+    with pytest.raises(ValueError, match=r"the file cannot be read as \.vtp"):
+        in_child.read_in_child(tmp_path / "lost.vtp", "vtkmodules.vtkIOXML", "vtkXMLPolyDataReader")
 
 
 def test_what_is_read_in_another_process_has_all_its_arrays(tmp_path):

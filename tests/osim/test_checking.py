@@ -9,9 +9,9 @@ import pytest
 from commands import refused, vtkmuscle_
 
 from vtkmuscle.joints.functions import IDENTITY, PiecewiseLinear, Polynomial
-from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.opensim import MuscleOut, check_model, export, osim_of, read_osim
-from vtkmuscle.opensim.muscle_paths import Cylinder, PathPoint, PointPath, moment_arm
+from vtkmuscle.opensim.muscle_paths import Cylinder, FunctionPath, PathPoint, PointPath, moment_arm
 
 TREE = KinematicTree(
     "thigh",
@@ -59,6 +59,27 @@ def test_a_moment_arm_that_changes_sign_is_found_there(tmp_path):
     assert one.what == "moment arm changes sign"
     assert np.radians(one.pose["flexion"]) == pytest.approx(0.0, abs=0.05)  # the line goes through the axis
     assert one.arms[0] * one.arms[-1] < 0.0
+
+
+def test_functions_of_followers_are_swept_by_their_leaders(tmp_path):
+    """The check ended with a KeyError, or called a muscle evaluated that was not swept."""
+    joint = Joint("knee", "thigh", "shank", [JointAxis((0, 0, 1), IDENTITY, q) for q in ("flexion", "beta")])
+    own = [*TREE.coordinates, JointCoordinate("beta", range=(-0.5, 1.5))]
+    tree = KinematicTree("thigh", [joint], own, [Coupling("beta", "flexion", Polynomial([0.5, 0.0]))])
+    path = FunctionPath(("beta",), 2, np.array([0.3, 0.0, 0.05]))
+    (tmp_path / "leg.osim").write_text(osim_of(tree, [MuscleOut("m", path)]))
+    (one,) = check_model(tmp_path / "leg.osim").findings
+    assert (one.coordinate, one.what) == ("flexion", "moment arm changes sign")
+
+
+@pytest.mark.parametrize(("across", "kinds"), [(0.5, []), (0.1, ["moment arm changes sign"])])
+def test_arms_by_a_slide_change_lengths_as_far_as_those_by_an_angle(tmp_path, across, kinds):
+    """Arms of 0.04 and 0.2, which have no unit, had the limits of millimetres."""
+    slide = Joint("slide", "thigh", "shank", [], [JointAxis((0, 1, 0), IDENTITY, "slide")])
+    tree = KinematicTree("thigh", [slide], [JointCoordinate("slide", "m", range=(-0.02, 0.02))])
+    path = PointPath([PathPoint("thigh", (across, 0, 0)), PathPoint("shank", (0, 0, 0))])
+    (tmp_path / "leg.osim").write_text(osim_of(tree, [MuscleOut("m", path)]))
+    assert [each.what for each in check_model(tmp_path / "leg.osim").findings] == kinds
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.05])  # a person, and a small animal
@@ -187,10 +208,8 @@ def test_a_wrapped_ligament_beside_a_plugins_force_is_opensims(tmp_path):
     pytest.importorskip("opensim")
     roll = Cylinder("thigh", np.zeros(3), np.array([0, 0, 1.0]), 0.03, 0)
     text = osim_of(TREE, [MuscleOut("m", PointPath([START, END], cylinders=[roll]))])
-    text = text.replace("Millard2012EquilibriumMuscle", "Ligament").replace(
-        "<Ligament", "<MyPlugin/><Ligament", 1
-    )
-    (tmp_path / "leg.osim").write_text(text)
+    text = text.replace("Millard2012EquilibriumMuscle", "Ligament")
+    (tmp_path / "leg.osim").write_text(text.replace("<Ligament", "<MyPlugin/><Ligament", 1))
     found = check_model(tmp_path / "leg.osim")
     assert (found.by_opensim, found.not_checked) == (("m",), ())
     done = vtkmuscle_("check", tmp_path / "leg.osim", "--out", tmp_path / "page.html", "--json")

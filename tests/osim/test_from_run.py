@@ -236,15 +236,17 @@ def test_further_poses_have_the_settings_of_the_results(ran, tmp_path, monkeypat
 
 def test_a_crossed_coordinate_that_stands_still_is_moved_by_the_export(ran, tmp_path):
     still = scene_with(ran[0].parent, tmp_path, motion={"grid": {"upper": [-10, 30, 10]}})
+    assert Scene.load(Scene.load(still).save(tmp_path / "saved")).muscles["strap"].crosses == (
+        "upper",
+        "lower",
+    )
     export(still, tmp_path / "still.osim", kind=GEOMETRY_ONLY)
     export(ran[1], tmp_path / "moved.osim", kind=GEOMETRY_ONLY)
     here, there = (read_osim(tmp_path / f"{name}.osim") for name in ("still", "moved"))
     assert here.tree.coordinate("lower").range == pytest.approx(np.radians([-20.0, 20.0]))
     poses = {"upper": np.radians([-5.0, 10.0, 25.0]), "lower": np.radians([8.0, -8.0, 15.0])}
     for name in poses:
-        own, theirs = (
-            moment_arm(each.muscle("strap").path, each.tree, poses, name) for each in (here, there)
-        )
+        own, theirs = (moment_arm(m.muscle("strap").path, m.tree, poses, name) for m in (here, there))
         np.testing.assert_allclose(own, theirs, atol=2e-3)
 
 
@@ -326,6 +328,7 @@ def test_a_hinge_is_exported_with_the_range_of_the_run(tmp_path):
         ({"motion": {"grid": GRID}, "mirror": "x"}, "mirrored scenes are not exported"),
         ({"motion": {"grid": GRID, "coordinates": ["upper"]}}, "crosses 'lower', and has no moment arms"),
         ({"motion": {"file": "../strap_errors.csv"}}, "would replace an input"),
+        ({"motion": {"grid": {"upper": [9, 9, 1]}}}, r"\(1 poses\) does not move 'lower', .* more poses"),
     ],
 )
 def test_a_scene_that_cannot_be_exported_says_why(ran, tmp_path, changes, words):

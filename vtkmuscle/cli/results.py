@@ -97,7 +97,8 @@ def _say(checked: "ModelCheck") -> None:
     for finding in checked.findings:
         if "jumps" in finding.what:
             where = ", ".join(f"{name} {value:.4g}" for name, value in finding.pose.items())
-            typer.echo(f"{finding.muscle}: {finding.what} by {1000.0 * finding.size:.1f} mm at {where}")
+            unit = "\u2030" if finding.unit == "m" and "arm" in finding.what else "mm"
+            typer.echo(f"{finding.muscle}: {finding.what} by {1000.0 * finding.size:.1f} {unit} at {where}")
     differ = "moment arms differ between the sides"
     for word, words in (("sign", "moment arms change sign"), ("differ", differ), ("fibre", FIBRES_OUTSIDE)):
         names = [finding.muscle for finding in checked.findings if word in finding.what]

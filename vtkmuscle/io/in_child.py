@@ -71,16 +71,16 @@ _LEAST_MEMORY, _MEMORY_SIZES = 2 * 1024**3, 40
 def serve() -> None:
     """Answer the requests on standard input, until the end of input.
 
-    A request is a line with a JSON list: file, module and class of the reader, and time limit [s]. The answer
-    is a line of JSON, ``[class of the data, VTK's complaint, length]``, followed by poly data as a .vtk file
-    of that length.
+    A request is a line with a JSON list: file, module and class of the reader, time limit [s], and size of
+    the file [bytes]. The answer is a line of JSON, ``[class of the data, VTK's complaint, length]``, followed
+    by poly data as a .vtk file of that length.
     """
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # VTK's readers print to standard output
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles an interrupt
     for line in sys.stdin.buffer:
-        path, module, name, longest = json.loads(line)
-        _limit_memory(os.path.getsize(path))
+        path, module, name, longest, size = json.loads(line)
+        _limit_memory(size)
         faulthandler.dump_traceback_later(longest, exit=True)
         try:
             kind, complaint, content = read(path, module, name)
@@ -174,8 +174,8 @@ class _Child:
         """Return class, VTK's complaint and data of a file."""
         if not is_python():
             return read(str(path.absolute()), module, reader)
-        longest = LONGEST + path.stat().st_size / _SPEED
-        question = json.dumps([str(path.absolute()), module, reader, longest])
+        longest = LONGEST + (size := path.stat().st_size) / _SPEED
+        question = json.dumps([str(path.absolute()), module, reader, longest, size])
         with self._lock:
             process, began = self._running(), time.monotonic()
             try:

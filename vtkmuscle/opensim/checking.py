@@ -41,7 +41,7 @@ class PathFault:
     largest positive and negative moment arms, for a fibre the length beyond the limit; ``pose`` the muscle's
     coordinates at the fault [degrees or m]; ``unit`` (``"deg"`` or ``"m"``) is of the coordinate; ``sweeps``
     the fraction of sweeps with a fault of the kind; ``values``, ``arms`` (n,) the coordinate and moment arms
-    [m] in the worst sweep.
+    in the worst sweep [m; 1 by a translation, and so is the size of a fault of arms].
     """
 
     muscle: str
@@ -204,7 +204,10 @@ def _findings(
 
     The least reported sizes scale with the body.
     """
-    tree, least = model.tree, {what: scale * size for what, size in KINDS.items()}
+    tree, away = model.tree, _LIMITS["away"]
+    least_of = {"deg": {what: scale * size for what, size in KINDS.items()}}
+    as_far = np.radians(away["angle"]) / away["translation"]  # arms of either change lengths by as much
+    least_of["m"] = least_of["deg"] | {what: as_far * KINDS[what] for what in KINDS if "arm" in what}
     sides: dict[tuple[str, str], dict[str | None, Any]] = {}
     free = [coordinate for coordinate in tree.coordinates if coordinate.name in tree.free]
     angles = {coordinate.name for coordinate in free if coordinate.is_angle}
@@ -228,19 +231,18 @@ def _findings(
             if (side := side_of(muscle)) == side_of(swept.name):
                 key = stem_of(muscle), stem_of(swept.name)
                 sides.setdefault(key, {})[side] = muscle, swept.name, unit, axis, arms[0]
-            for what, sizes, sweeps, at in chain(_faults(length, sweep, table, least), fibres):
-                if not (real := sizes > least[what]).any():
+            for what, sizes, sweeps, at in chain(_faults(length, sweep, table, least_of[unit]), fibres):
+                if not (real := sizes > least_of[unit][what]).any():
                     continue
                 i = int(np.where(real, sizes, 0.0).argmax())
                 names = model.paths[muscle].path.coordinates(tree)
                 pose = {name: fixed[name][sweeps[i]] for name in names} | {swept.name: at[i]}
                 pose = {name: float(np.degrees(at) if name in angles else at) for name, at in pose.items()}
-                size, part = float(sizes[i]), len(np.unique(sweeps[real])) / SWEEPS
-                of = muscle, swept.name, what
-                faults.append(PathFault(*of, size, pose, unit, part, axis, arms[sweeps[i]]))
+                of = muscle, swept.name, what, float(sizes[i]), pose, unit, len({*sweeps[real]}) / SWEEPS
+                faults.append(PathFault(*of, axis, arms[sweeps[i]]))
         yield faults
     both = (fault for pair in sides.values() for fault in _sides_apart(pair))
-    yield [fault for fault in both if fault.size > least[fault.what]]
+    yield [fault for fault in both if fault.size > least_of[fault.unit][fault.what]]
 
 
 def _sides_apart(sides: Mapping[str | None, Any]) -> Iterator[PathFault]:

@@ -265,7 +265,7 @@ def _run_of(source: Result | str | PathLike[str], options: RunOptions, named: se
     values = {name: column[frames] for name, column in values.items()}
     moving = [name for name, column in values.items() if np.ptp(column) > ROUNDING]
     still = {name: tuple(each for each in on_way if each not in moving) for name, on_way in crossed.items()}
-    with scene_errors_at("motion", path, "extend the motion, or shorten the crosses of the muscles"):
+    with scene_errors_at("motion", path, "run more poses, or give the coordinate a range"):
         moved = {names: _with_moves(joints.tree, values, names) for names in dict.fromkeys(still.values())}
     result = result or run_scene(scene, None, options)
     as_run = scene.with_settings(**{name: result.report[name] for name in ("deformer", "quality", "paths")})
@@ -303,7 +303,7 @@ def _with_moves(tree: KinematicTree, values: Mapping[str, Floats], still: Sequen
         low, high = own.range or (-np.inf, np.inf)
         ends = max(low, here - half), min(high, here + half)
         if not np.isfinite(ends).all():
-            raise InputError("", f"the motion does not move {name!r}, and it has no range", "give it a range")
+            raise InputError("", f"the run ({count} poses) does not move {name!r}, and it has no range")
         levels.append(sorted({here, *ends}))
     chosen = np.unique(np.linspace(0, count - 1, PARTS).round().astype(int))
     blocks: dict[str, list[Floats]] = {name: [] for name in poses}
@@ -337,13 +337,12 @@ def _exported(
     lines = _lines(run, name)[kept] if points else None
     number_of = group_fibres(lengths, options.groups)
     units = {each: 1000.0 if tree.coordinate(each).is_angle else 1.0 for each in run.crossed[name]}
+    of_paths = {q: arms[q].arms[np.isin(arms[q].frames, kept)] for q in units}
     for group in range(int(number_of.max()) + 1):
         members = number_of == group
         changes = (lengths - lengths.mean(axis=0))[:, members].T
         mean = lengths[:, members].mean(axis=1) / 1000.0
-        mean_arms = {}
-        for at, unit in units.items():
-            mean_arms[at] = arms[at].arms[np.isin(arms[at].frames, kept)][:, members].mean(axis=1) / unit
+        mean_arms = {q: of_paths[q][:, members].mean(axis=1) / unit for q, unit in units.items()}
         if lines is None:
             columns = {each: values[each] for each in mean_arms}
             path: FunctionPath | PointPath = fit_length(mean, columns, mean_arms)

@@ -205,8 +205,8 @@ class FunctionPath(MusclePath):
         return set(self.names)
 
     def coordinates(self, tree: KinematicTree) -> tuple[str, ...]:
-        """Return the coordinates that affect the length."""
-        return tuple(self.names)
+        """Return the free coordinates that affect the length."""
+        return tree.freed(self.names)
 
     def lengths_at(self, at: Posed, switching: Columns | None = None) -> Floats:
         """Return the lengths (f,) in poses."""

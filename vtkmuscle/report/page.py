@@ -103,16 +103,16 @@ def _shown(value: Any) -> str:
 
 
 def svg_curve(x: Floats, y: Floats, x_unit: str, size: tuple[int, int] = (220, 50)) -> dict[str, Any]:
-    """Return a curve [mm] for SVG. With zero line and numbers at the ends; without outliers as at jumps.
+    """Return moment arms for SVG. With zero line and numbers at the ends; without outliers as at jumps.
 
-    ``size`` is the width and height [pixels].
+    Arms are in mm by an angle, in thousandths by a translation; ``size`` is width and height [pixels].
     """
     low, high = np.clip(np.percentile(y, [2.0, 98.0]), [-np.inf, 0.0], [0.0, np.inf])
-    width, height = size
+    (width, height), unit = size, "\u2030" if x_unit == "m" else "mm"
     across = width * (x - x[0]) / np.ptp(x)
     up, zero = height * (high - np.array([np.clip(y, low, high), 0.0 * y])) / ((high - low) or 1.0)
     points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across, up, strict=True))
-    labels = [(-4, 9, "end", f"{high:.0f} mm"), (-4, height, "end", f"{low:.0f}")]
+    labels = [(-4, 9, "end", f"{high:.0f} {unit}"), (-4, height, "end", f"{low:.0f}")]
     labels += [(0, height + 13, "start", f"{x[0]:.4g}"), (width, height + 13, "end", f"{x[-1]:.4g} {x_unit}")]
     return {"size": size, "points": points, "zero": f"{zero[0]:.1f}", "labels": labels}
 

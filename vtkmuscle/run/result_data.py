@@ -238,7 +238,8 @@ class ResultData(ByName):
     def pose_table(self) -> Table:
         """Return the values of the coordinates. A row per frame of the motion, as poses.csv."""
         columns = {"frame": np.arange(len(self.motion.times)), "time": self.motion.times}
-        columns |= {name: q.values for name, q in self.motion.coordinates.items() if name not in columns}
+        own = self.motion.coordinates.items()
+        columns |= {f"coordinate {name}" if name in columns else name: q.values for name, q in own}
         return Table.stacked(tuple(columns), [columns])
 
     def _lengths(self, table: str, lengths: Mapping[str, Floats]) -> Table:

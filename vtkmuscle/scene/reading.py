@@ -79,8 +79,9 @@ def _muscle(
         fibres["template_file"] = str(files.paths[where].resolve())  # valid from any folder
     lines = files.tried(f"{key}.superficial_fibres", table.superficial_fibres, io.read_polydata)
     published = files.tried(f"{key}.literature", table.literature, partial(literature_of, muscles=[name]))
-    columns = scene.motion.coordinates or {}  # a column that does not change is no coordinate of the motion
-    coordinates = (table.crosses or ()) if motion is None else {*motion.coordinates, *columns}
+    # What does not change is no coordinate of the motion.
+    still = *(scene.motion.coordinates or ()), *(() if joints is None else joints.tree.free)
+    coordinates = (table.crosses or ()) if motion is None else {*motion.coordinates, *still}
     for missing in (name for name in table.crosses or () if name not in coordinates):
         problem, remedy = f"the motion has no coordinate {missing!r}", suggestion(missing, coordinates)
         faults.errors.append(SceneError(problem, f"{key}.crosses", remedy, files.paths[""]))

@@ -1,8 +1,9 @@
 """Write a scene to a folder, as :mod:`vtkmuscle.scene.reading` reads it."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,6 @@ _SCHEMA = (
 
 def write_scene(scene: SceneData, folder: Path) -> Path:
     """Write a scene and its files to a folder; see :meth:`vtkmuscle.Scene.save`."""
-    Outputs(folder, inputs=scene.files, overwrite=True).check(folder / "scene.toml")
     for name, surface in scene.bones.items():
         write_polydata(folder / f"bones/{name}.vtp", surface)
     for name, muscle in scene.muscles.items():
@@ -42,8 +42,8 @@ def write_scene(scene: SceneData, folder: Path) -> Path:
         for block, sheet in blocks_of(aponeuroses_data(muscle.aponeuroses)):  # named SIDE_NUMBER
             write_polydata(folder / f"aponeuroses/{name}_{block}.vtp", sheet)
         write_areas(folder, name, muscle.attachments, scene.frame)
-    tables = tables_of(scene)
-    if joints := _joints(scene):
+    tables = tables_of(scene, chain(*scene.joints.values()) if (joints := _joints(scene)) else ())
+    if joints:
         tables |= {"joints": joints, "motion": {"file": "motion.csv"}}
         columns = {name: own.values for name, own in _free(scene.motion, joints).items()}
         values = np.transpose([scene.motion.times, *columns.values()]).tolist()
@@ -65,15 +65,19 @@ def save_unless_there(scene: SceneData, folder: Path, *, overwrite: bool) -> Pat
     return path
 
 
-def tables_of(scene: SceneData) -> dict[str, Any]:
-    """Return the tables of scene.toml for the files of :func:`write_scene`."""
+def tables_of(scene: SceneData, still: Iterable[str] = ()) -> dict[str, Any]:
+    """Return the tables of scene.toml for the files of :func:`write_scene`.
+
+    ``still`` are coordinates of joints beside those of the motion.
+    """
+    known = {*scene.motion.coordinates, *still}
     defaults = {"frame": "LPS", "guessed": {}, "muscle_contact": "off", "deformer": "paths"}
     tables = {
         **{key: getattr(scene, key) for key in ("name", "units", "quality")},
         **{key: value for key, usual in defaults.items() if (value := getattr(scene, key)) != usual},
         "bones": {name: {"surface": f"bones/{name}.vtp"} for name in scene.bones},
         "motion": _motion(scene.motion),
-        "muscles": {name: _muscle(name, each, scene.motion) for name, each in scene.muscles.items()},
+        "muscles": {name: _muscle(name, each, known) for name, each in scene.muscles.items()},
         "paths": scene.paths,
         **{key: getattr(scene, key) or None for key in ("solver", "fixing")},
     }
@@ -115,8 +119,8 @@ def _area_tables(muscle: str, areas: Sequence[AttachmentArea]) -> list[dict[str,
     return tables
 
 
-def _muscle(name: str, muscle: Muscle, motion: RigidMotion) -> dict[str, Any]:
-    crosses = muscle.crosses and [each for each in muscle.crosses if each in motion.coordinates]
+def _muscle(name: str, muscle: Muscle, known: Collection[str]) -> dict[str, Any]:
+    crosses = muscle.crosses and [each for each in muscle.crosses if each in known]
     sheets: dict[str, list[str]] = {side: [] for side in SIDES} if muscle.aponeuroses else {}
     for number, sheet in enumerate(muscle.aponeuroses):
         sheets[sheet.side].append(f"aponeuroses/{name}_{sheet.side}_{number}.vtp")
