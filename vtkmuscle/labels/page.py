@@ -136,7 +136,8 @@ def from_labels(
     table = Path(names or "")
     inputs = [Path(label_map), *files, *([table] if table.is_file() else [])]
     outputs = Outputs.for_file(folder / "scene.toml", inputs, overwrite=overwrite)
-    return _written(draft_of_labels(label_map, landmarks=files, names=names, **options), outputs, folder)
+    draft = draft_of_labels(label_map, landmarks=files, names=names, **options)
+    return _written(replace(draft, name=folder.resolve().name), outputs, folder)
 
 
 def _written(draft: Draft, outputs: Outputs, folder: Path) -> Draft:
