@@ -276,7 +276,7 @@ class InitOptions:
 
     bone: Annotated[list[str] | None, Option(metavar="NAME", help="Name of a bone; repeatable.")] = None
     muscle: Annotated[list[str] | None, Option(metavar="NAME", help="Name of a muscle; repeatable.")] = None
-    repair: Annotated[bool, Option("--repair", help="Close small holes of muscles.")] = False
+    repair: Annotated[bool, Option("--repair", help="Repair muscles: small holes, sides, crumbs.")] = False
     frame: FrameOption = "LPS"
     overwrite: shared.OverwriteOption = False
     quiet: shared.QuietOption = False
