@@ -67,7 +67,7 @@ class CohortOptions:
         Option(
             metavar="preview|balanced|accurate|published",
             help="Preset, in place of the scene's. preview takes 0.5, accurate 1.7 times balanced's time; "
-            "mean moment arms of preview are within 0.9 mm of accurate, of balanced within 0.4 mm. "
+            "mean moment arms of preview are within 1 mm of accurate, of balanced within 0.4 mm. "
             "published is the 2021 paper's, for pbd.",
         ),
     ] = None
