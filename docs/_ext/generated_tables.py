@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from typer.cli import get_docs_for_click
 import vtkmuscle.scene.schema
 from vtkmuscle.cli import app as command_line
 from vtkmuscle.run.report_values import DEFINITIONS
+from vtkmuscle.scene.writing import inline_toml
 
 
 def write_command_line_page(app: Sphinx, config: Any) -> None:
@@ -43,9 +43,9 @@ class SceneTable(SphinxDirective):
         known = vars(vtkmuscle.scene.schema)
         rows = []
         for name, field in known[self.arguments[0]].model_fields.items():
-            plain = isinstance(field.default, str | bool)
-            default = f"``{json.dumps(field.default)}``" if plain else "none"
-            example = f"``{json.dumps(field.examples[0])}``" if field.examples else ""
+            plain = isinstance(field.default, str | int | float)
+            default = f"``{inline_toml(field.default)}``" if plain else "none"
+            example = f"``{inline_toml(field.examples[0])}``" if field.examples else ""
             default = "required" if field.is_required() else f"default: {default}"
             meaning = [" ".join(field.description.split()), *([f"Example: {example}"] if example else [])]
             rows.append([[f"``{name}``", default], meaning])

@@ -112,7 +112,7 @@ MODEL = """<OpenSimDocument Version="40000"><Model name="hip"><Ground name="grou
 </WeldJoint>
 <PinJoint name="hip_r"><socket_parent_frame>/bodyset/pelvis</socket_parent_frame>
 <socket_child_frame>/bodyset/femur_r</socket_child_frame><coordinates>
-<Coordinate name="hip_flexion_r"><range>-0.5 1.5</range></Coordinate></coordinates></PinJoint>
+<Coordinate name="hip.flexion_r"><range>-0.5 1.5</range></Coordinate></coordinates></PinJoint>
 </objects></JointSet></Model></OpenSimDocument>"""
 
 

@@ -128,7 +128,7 @@ def selftest() -> None:
 
 @command()
 def info(
-    files: Annotated[list[Path], Argument(help="Meshes, landmarks, OpenSim files, or folders of results.")],
+    files: Annotated[list[Path], Argument(help="Meshes, landmarks, scenes, OpenSim files, or results.")],
     draw: Annotated[Path | None, Option(metavar="PNG", help="Draw the first file, of landmarks.")] = None,
     overwrite: shared.OverwriteOption = False,
 ) -> None:

@@ -105,7 +105,7 @@ def _of_model(file: Path) -> dict[str, str]:
         "not used": model.not_used,
     }
     facts = {word: _listed(list(names)) for word, names in lists.items() if names}
-    return {"model": model.name, **facts, "markers": str(len(model.markers))}
+    return {"model": model.name, **facts, "markers": _listed([*model.markers])}
 
 
 def _bounds(points: Floats) -> str:

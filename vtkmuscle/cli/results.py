@@ -277,7 +277,7 @@ class InitOptions:
 
     bone: Annotated[list[str] | None, Option(metavar="NAME", help="Name of a bone; repeatable.")] = None
     muscle: Annotated[list[str] | None, Option(metavar="NAME", help="Name of a muscle; repeatable.")] = None
-    repair: Annotated[bool, Option("--repair", help="Close small holes of muscles.")] = False
+    repair: Annotated[bool, Option("--repair", help="Repair muscles: small holes, sides, crumbs.")] = False
     frame: FrameOption = "LPS"
     overwrite: shared.OverwriteOption = False
     quiet: shared.QuietOption = False
@@ -307,8 +307,7 @@ def _tell(draft: "Draft", quiet: bool) -> None:
 
     folder = draft.file.parent
     unsure = [guess for guess in draft.guesses if guess.confidence < LOOK and guess.value != LEFT_OUT]
-    words = "; check these:" if unsure else ""
-    shared.say(quiet, f"{len(draft.guesses)} guesses are in {folder / PAGE}{words}")
+    shared.say(quiet, f"{len(draft.guesses)} guesses are in {folder / PAGE}{'; check these:' * bool(unsure)}")
     for confidence, what, guess, why in table_of(unsure)[1:]:
         shared.say(quiet, f"  {confidence}  {what}: {guess}; {why}")
     for name, why in draft.left_out.items():

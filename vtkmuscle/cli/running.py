@@ -42,9 +42,8 @@ def run_and_report(scene: "vtkmuscle.Scene", out: Path, options: shared.RunArgum
             else:
                 tell(f"  {reason}")
     names = ("report.json", "lengths.csv", "fibre_lengths.csv", "moment_arms.csv", "figures/")
-    written = [name for name in names if (out / name).exists()]
     tell(f"{result.report['seconds']['total']:.1f} s. Results are in {out}:")
-    tell(f"  {', '.join(written)}, and NAME.pvd, NAME_fibres.pvd, bones.pvd for ParaView")
+    tell(f"  {', '.join(name for name in names if (out / name).exists())}, and .pvd files for ParaView")
     if options.report:
         tell(f"Open {out / PAGE} in a browser: scene, curves, tables, validity")
     if "failed" in result.verdicts.values():

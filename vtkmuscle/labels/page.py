@@ -133,10 +133,10 @@ def from_labels(
         If a file cannot be read or written, or the map has no bones and muscles.
     """
     folder, files = Path(out), [Path(file) for file in landmarks]
-    table = Path(names or "")
-    inputs = [Path(label_map), *files, *([table] if table.is_file() else [])]
+    inputs = [Path(label_map), *files, *filter(Path.is_file, [Path(names or "")])]
     outputs = Outputs.for_file(folder / "scene.toml", inputs, overwrite=overwrite)
-    return _written(draft_of_labels(label_map, landmarks=files, names=names, **options), outputs, folder)
+    draft = draft_of_labels(label_map, landmarks=files, names=names, **options)
+    return _written(replace(draft, name=folder.resolve().name), outputs, folder)
 
 
 def _written(draft: Draft, outputs: Outputs, folder: Path) -> Draft:

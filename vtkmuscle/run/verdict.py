@@ -168,7 +168,7 @@ def _worded(value: float, unit: str) -> str:
     return f"{value:.3g} {unit.replace('deg', 'degrees')}"
 
 
-#: Part of a muscle's path that an optimal fibre length may be: 0.105 to 1.33 in 70 published muscles.
+#: Part of a muscle's path that an optimal fibre length may be: 0.105 to 1.33 in 68 published muscles.
 SHORTEST_FIBRE, LONGEST_FIBRE = 0.1, 2.0
 #: Margin of published moment arms [mm]: the ranges are of single generic models, and from model to model
 #: their edges move by as much.

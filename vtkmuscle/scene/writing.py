@@ -1,6 +1,7 @@
 """Write a scene to a folder, as :mod:`vtkmuscle.scene.reading` reads it."""
 
 import json
+import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from itertools import chain
@@ -87,7 +88,8 @@ def tables_of(scene: SceneData, still: Iterable[str] = ()) -> dict[str, Any]:
 def inline_toml(value: Any) -> str:
     """Return a value in TOML, tables in one line."""
     if isinstance(value, Mapping):
-        return f"{{ {', '.join(f'{key} = {inline_toml(item)}' for key, item in value.items())} }}"
+        named = {key if re.fullmatch(r"[\w-]+", key, re.A) else json.dumps(key): value[key] for key in value}
+        return f"{{ {', '.join(f'{key} = {inline_toml(item)}' for key, item in named.items())} }}"
     if isinstance(value, list):
         lines = ",\n  " if any(isinstance(item, Mapping) for item in value) else ", "
         inner = lines.join(inline_toml(item) for item in value)
