@@ -110,8 +110,9 @@ def fixed_muscle(
     """
     lines = None if fibres is None else (fibres.points, fibres.offsets)
     fixed = FixedMuscle(muscle.points, muscle.triangles, fixed_points_of(muscle, bones), lines, rings or ())
-    torn = rings is None and -1 < fixed.fixed_to.min() < fixed.fixed_to.max()
-    if torn or ((fixed.fixed_to < 0).all() and not driven):
+    corners = fixed.fixed_to[muscle.triangles]
+    torn = rings is None and -1 < corners.min() < corners.max()
+    if torn or ((corners < 0).all() and not driven):
         problem = "no point is fixed to a bone, so the muscle would not move"
         problem = "all points are fixed, to several bones, so the muscle would tear" if torn else problem
         raise InputError(muscle.where, problem, "detect fixed points by another method or distance")
