@@ -95,6 +95,8 @@ def points_alone():
 KINDS = pv.CellType.EMPTY_CELL, pv.CellType.VERTEX
 EMPTY_CELL = pv.UnstructuredGrid([0, 1, 0], KINDS, [[0.0, -32.0, 10.0]])
 
+LINES = arrays.points_of(examples.fibres()).reshape(6, -1, 3)
+TURNED = [line[::-1] if number > 2 else line for number, line in enumerate(LINES)]
 #: Filters, their changed inputs and parameters, and the words of the error.
 REFUSED = [
     ("AttachmentEstimator", {"origin": "ulna"}, "origin is 'ulna', but .* proximal, distal"),
@@ -191,6 +193,7 @@ REFUSED = [
     ),
     ("StiffTendons", {"fibres": lines_of([np.eye(3)] * 2)}, "fibres: numbers of points differ"),
     ("StiffTendons", {"paths": vtkPolyData()}, "paths: the data set has no paths"),
+    ("TautPaths", {"rest_fibres": lines_of(TURNED)}, "rest_fibres: fibre 3 runs the other way than fibre 0"),
     ("TautPaths", {"rest_fibres": None, "rest_muscle": fixed_to(0, 1)}, "rest_muscle: no line over the"),
     ("TemplateFitter", {"attachments": areas(("origin", ORIGIN))}, "attachments: .* role 'insertion'"),
     ("TemplateFitter", {"axis": "attachments", "attachments": SAME}, "set axis='principal'"),

@@ -156,8 +156,7 @@ class FixedPointDetector(Filter):
 
     def _within(self, muscle: Surface) -> float:
         """Return the largest distance of fixed points from a bone, or from its voxels [mm]."""
-        if self.method == "collision":
-            return 0.0
-        if self.distance is not None:
-            return self.distance
-        return float(edge_lengths(muscle.points, unique_edges(muscle.triangles)).mean())
+        own = 0.0 if self.method == "collision" else self.distance
+        return (
+            float(edge_lengths(muscle.points, unique_edges(muscle.triangles)).mean()) if own is None else own
+        )

@@ -8,7 +8,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.errors import errors_at
+from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.polylines import evenly_spread
 from vtkmuscle.core.mesh.surface import mesh_topology
@@ -101,8 +101,9 @@ class TautPaths(Filter):
     Raises
     ------
     ValueError
-        If a fibre has no length; if the muscle is not closed or has no ``FixedTo``, or no fixed point; if
-        ``rest_bones`` and ``bones`` have different blocks; if a bone has no ``Transform``.
+        If a fibre has no length, or runs against the first; if the muscle is not closed or has no
+        ``FixedTo``, or no fixed point; if ``rest_bones`` and ``bones`` have different blocks; if a bone has
+        no ``Transform``.
 
     References
     ----------
@@ -165,10 +166,8 @@ class TautPaths(Filter):
         levers = state.levers(bones.twists) if self.levers else {}
         count, n, _ = state.paths.shape
         points, offsets = state.paths.reshape(-1, 3), n * np.arange(count + 1)
-        if rest_fibres is None:
-            result = polylines_from(Polylines(points, offsets))
-        else:
-            result = rest_fibres.moved(points, offsets)
+        made = Polylines(points, offsets)
+        result = polylines_from(made) if rest_fibres is None else rest_fibres.moved(points, offsets)
         rest = poses.rest
         settled = state.settled and rest.settled
         measures = {stored.LENGTH: state.lengths, "Ratio": state.lengths / rest.lengths}
@@ -208,6 +207,11 @@ def _paths_at_rest(
         return None
     paths = evenly_spread(*lines, resolution + 1)
     with errors_at("rest_fibres"):
-        ends = bones_at_ends(paths, points, fixed_to)
+        first, last = ends = bones_at_ends(paths, points, fixed_to)
+        near, far = (np.linalg.norm(paths[:, 0] - paths[0, end], axis=1) for end in (0, -1))
+        back = (first == last[0]) & (last == first[0]) & (first != last) & (far < near)
+        if back.any():  # paths side by side go with each other from start to end
+            problem = f"fibre {back.argmax()} runs the other way than fibre 0"
+            raise InputError("", problem, "turn the order of its points round")
         made = MusclePaths(paths, *ends, (points, triangles), bones, rings=rings, n_paths=n_paths)
     return KeptPoses(made), ends, free_shares(made.rest)
