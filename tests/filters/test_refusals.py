@@ -1,5 +1,7 @@
 """Input that filters refuse, each with the reason: one change of the examples that all filters run on."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 import pyvista as pv
@@ -18,16 +20,15 @@ N = examples.muscle().GetNumberOfPoints()
 GRID = pv.ImageData(dimensions=(3, 3, 7), spacing=(10, 10, 20), origin=(-10, -42, -50))
 
 
-def opened():
-    """Return the fixed muscle without a triangle."""
+def other_triangles(change):
     muscle = examples.fixed_muscle()
-    surface = arrays.surface_from(arrays.points_of(muscle), arrays.triangles_of(muscle, "")[1:])
+    surface = arrays.surface_from(arrays.points_of(muscle), change(arrays.triangles_of(muscle, "")))
     return arrays.add_arrays(surface, points={"FixedTo": arrays.point_array(muscle, "FixedTo", "")})
 
 
-def in_another_order():
-    muscle = examples.fixed_muscle()
-    return arrays.surface_from(arrays.points_of(muscle), np.roll(arrays.triangles_of(muscle, ""), 1, axis=0))
+opened = partial(other_triangles, lambda triangles: triangles[1:])
+in_another_order = partial(other_triangles, lambda triangles: np.roll(triangles, 1, axis=0))
+of_two_sides = partial(other_triangles, lambda triangles: np.vstack([triangles[:99], triangles[99:, ::-1]]))
 
 
 def fixed_to(*values):
@@ -97,6 +98,7 @@ EMPTY_CELL = pv.UnstructuredGrid([0, 1, 0], KINDS, [[0.0, -32.0, 10.0]])
 
 LINES = arrays.points_of(examples.fibres()).reshape(6, -1, 3)
 TURNED = [line[::-1] if number > 2 else line for number, line in enumerate(LINES)]
+DEFORMED = ("PBDDeformer", "muscle"), ("PathDeformer", "muscle"), ("TautPaths", "rest_muscle")
 #: Filters, their changed inputs and parameters, and the words of the error.
 REFUSED = [
     ("AttachmentEstimator", {"origin": "ulna"}, "origin is 'ulna', but .* proximal, distal"),
@@ -147,7 +149,8 @@ REFUSED = [
     ),
     ("LinearBlendFibres", {"insertion": "tibia"}, "is 'tibia', but the bones are 'proximal'"),
     ("MomentArms", {"motion": None}, "fibres: the fibres have no time steps"),
-    ("PathDeformer", {"muscle": opened}, "(?i)closed|open"),
+    *((name, {muscle: opened}, "is open: 3 edges") for name, muscle in DEFORMED),
+    *((name, {muscle: of_two_sides}, "closed and oriented, but") for name, muscle in DEFORMED),
     ("PathDeformer", {"paths": examples.fibres}, "paths: the point array 'RestPosition' is missing"),
     ("PathDeformer", {"paths": far_paths}, "muscle: no path passes through the muscle at rest; connect its"),
     *((name, {"muscle": detected}, "was 'distal' at .*, but") for name in ("PBDDeformer", "PathDeformer")),

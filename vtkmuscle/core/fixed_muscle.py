@@ -2,7 +2,10 @@
 
 from typing import NamedTuple
 
-from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, mesh_topology, signed_volume
+import numpy as np
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh import surface
 from vtkmuscle.core.paths.via_rings import ViaRing
 from vtkmuscle.core.types import Floats, Ints
 
@@ -24,7 +27,13 @@ class FixedMuscle(NamedTuple):
     #: That the fibres pass through.
     rings: BoneRings = ()
 
-    def topology(self) -> MeshTopology:
-        """Return the surface's edges; a surface without volume raises a ValueError."""
-        check_volume(self.points, signed_volume(self.points, self.triangles))
-        return mesh_topology(len(self.points), self.triangles)
+    def topology(self) -> surface.MeshTopology:
+        """Return the surface's edges; one without volume, open or of two sides raises a ValueError."""
+        points, corners = self.points, self.triangles
+        surface.check_volume(points, surface.signed_volume(points, corners))
+        topology = surface.mesh_topology(len(points), corners)
+        if topology.n_boundary_edges:
+            problem = f"the surface is open: {topology.n_boundary_edges} edges belong to one triangle only"
+            raise InputError("", problem, "close it (vtkFillHolesFilter), as an open surface has no volume")
+        surface.opposite_half_edges(corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)])
+        return topology

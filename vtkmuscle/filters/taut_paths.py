@@ -11,7 +11,6 @@ from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.polylines import evenly_spread
-from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.paths.bows import free_shares
 from vtkmuscle.core.paths.guides import ALL_PATHS, LEAST_PATHS, with_bones
 from vtkmuscle.core.paths.levers import pull_of, rates_of
@@ -202,7 +201,8 @@ def _paths_at_rest(
     """Return the paths, their ends' bones, and free shares of bows; None without paths."""
     points, triangles, fixed_to, fibres, rings = muscle
     with errors_at("rest_muscle"):
-        lines = fibres or lines_on_surface(points, mesh_topology(len(points), triangles), fixed_to)
+        topology = muscle.topology()
+        lines = fibres or lines_on_surface(points, topology, fixed_to)
     if lines is None:
         return None
     paths = evenly_spread(*lines, resolution + 1)
