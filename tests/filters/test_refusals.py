@@ -196,6 +196,7 @@ REFUSED = [
     ),
     ("StiffTendons", {"fibres": lines_of([np.eye(3)] * 2)}, "fibres: numbers of points differ"),
     ("StiffTendons", {"paths": vtkPolyData()}, "paths: the data set has no paths"),
+    ("TautPaths", {"rest_fibres": lines_of(0.001 * LINES)}, "rest_fibres: no path passes .* frame and unit"),
     ("TautPaths", {"rest_fibres": lines_of(TURNED)}, "rest_fibres: fibre 3 runs the other way than fibre 0"),
     ("TautPaths", {"rest_fibres": None, "rest_muscle": fixed_to(0, 1)}, "rest_muscle: no line over the"),
     ("TemplateFitter", {"attachments": areas(("origin", ORIGIN))}, "attachments: .* role 'insertion'"),

@@ -6,8 +6,9 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh import surface
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.paths.via_rings import ViaRing
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import SAME, Floats, Ints
 
 #: Points (n, 3) of polylines in sequence [mm]; the first point of each, and n, (k + 1,).
 Lines = tuple[Floats, Ints]
@@ -37,3 +38,10 @@ class FixedMuscle(NamedTuple):
             raise InputError("", problem, "close it (vtkFillHolesFilter), as an open surface has no volume")
         surface.opposite_half_edges(corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)])
         return topology
+
+    def check_lines(self, lines: Floats) -> None:
+        """Raise a ValueError if no point of lines (f, n, 3) is in the muscle, or on its surface."""
+        away = solids_of(self.points, self.triangles).distances(lines.reshape(-1, 3)).min()
+        if away > SAME * surface.extent(self.points):  # points on the surface may be on either side
+            remedy = "connect its own, in the same frame and unit"
+            raise InputError("", "no path passes through the muscle at rest", remedy)

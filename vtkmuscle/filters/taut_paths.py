@@ -100,9 +100,9 @@ class TautPaths(Filter):
     Raises
     ------
     ValueError
-        If a fibre has no length, or runs against the first; if the muscle is not closed or has no
-        ``FixedTo``, or no fixed point; if ``rest_bones`` and ``bones`` have different blocks; if a bone has
-        no ``Transform``.
+        If a fibre has no length, or runs against the first, or all are off the muscle; if the muscle is not
+        closed or has no ``FixedTo``, or no fixed point; if ``rest_bones`` and ``bones`` have different
+        blocks; if a bone has no ``Transform``.
 
     References
     ----------
@@ -207,6 +207,7 @@ def _paths_at_rest(
         return None
     paths = evenly_spread(*lines, resolution + 1)
     with errors_at("rest_fibres"):
+        muscle.check_lines(paths)
         first, last = ends = bones_at_ends(paths, points, fixed_to)
         near, far = (np.linalg.norm(paths[:, 0] - paths[0, end], axis=1) for end in (0, -1))
         back = (first == last[0]) & (last == first[0]) & (first != last) & (far < near)

@@ -62,16 +62,11 @@ def test_large_steps_are_parted():
 
 def test_neither_the_order_of_bones_nor_points_of_no_triangle_count():
     points, triangles, fixed_to = spindle(seed=0)
-    fixed_to[40:43], bones = (
-        2,
-        np.array([np.eye(4), *(rotation_about([0, 20, 0], [1, 0, 0], t) for t in (4, -4))]),
-    )
-    solver = solver_of((points, triangles, fixed_to))
-    wanted = solver.step(solver.at_rest(3), bones).surface
-    order, more = [2, 0, 1], [[900.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
-    mesh = np.vstack([points, more]), triangles, np.append(np.append([1, 2, 0], -1)[fixed_to], [-1, -1])
-    solver = solver_of(mesh)
-    surface = solver.step(solver.at_rest(3), bones[order]).surface[:-2]
+    fixed_to[40:43], bones = 2, np.vstack([bent(4.0), bent(-4.0)[1:]])
+    wanted = (solver := solver_of((points, triangles, fixed_to))).step(solver.at_rest(3), bones).surface
+    fixed_to = np.append(np.array([1, 2, 0, -1])[fixed_to], [-1, -1])
+    solver = solver_of((np.vstack([points, np.diag([900.0, 0, 0])[:2]]), triangles, fixed_to))
+    surface = solver.step(solver.at_rest(3), bones[[2, 0, 1]]).surface[:-2]
     np.testing.assert_allclose(surface, wanted, rtol=0.0, atol=1e-9)
 
 
