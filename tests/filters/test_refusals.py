@@ -98,6 +98,7 @@ EMPTY_CELL = pv.UnstructuredGrid([0, 1, 0], KINDS, [[0.0, -32.0, 10.0]])
 
 LINES = arrays.points_of(examples.fibres()).reshape(6, -1, 3)
 TURNED = [line[::-1] if number > 2 else line for number, line in enumerate(LINES)]
+AT_REST = "BoneMotion", "FixedPointDetector", "AttachmentEstimator"
 DEFORMED = ("PBDDeformer", "muscle"), ("PathDeformer", "muscle"), ("TautPaths", "rest_muscle")
 #: Filters, their changed inputs and parameters, and the words of the error.
 REFUSED = [
@@ -108,7 +109,7 @@ REFUSED = [
         {"bones": lambda: arrays.multiblock_from(dict(arrays.blocks_of(examples.rest_bones())[:1]))},
         "is near fewer than two bones; .* 'proximal' .*; .* or give landmarks",
     ),
-    ("BoneMotion", {"bones": examples.moving_bones}, "bones, block 'distal': the bone has moved"),
+    *((name, {"bones": examples.moving_bones}, "block 'distal': the bone has moved") for name in AT_REST),
     ("BoneMotion", {"motion": hinge("ulna", (0, 0, 0), (1, 0, 0), [0.0, 1.0])}, "'ulna', but .* 'distal'"),
     *(
         (

@@ -27,9 +27,13 @@ _MADE_BY = "BoneMotion adds it"
 
 
 def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
-    """Return bones by name, in the order of ``FixedTo``."""
+    """Return bones at rest by name, in the order of ``FixedTo``; ValueError for bones that have moved."""
     bones = _named_bones(data, where)
     for name, bone in bones.items():
+        transform = field_array(bone, "Transform")
+        if transform is not None and not np.array_equal(transform.reshape(-1), np.eye(4).reshape(-1)):
+            remedy = "connect the bones at rest, or remove the array 'Transform' from a new rest pose"
+            raise InputError(f"{where}, block {name!r}", "the bone has moved", remedy)
         if bone.GetPoints() is not None and not np.isfinite(vtk_to_numpy(bone.GetPoints().GetData())).all():
             raise InputError(where, f"block {name!r} has points that are not finite", "correct its file")
     return bones
@@ -141,11 +145,5 @@ class RestBones:
 
 
 def rest_bones_of(data: vtkMultiBlockDataSet, where: str) -> RestBones:
-    """Return bones at rest; raises as :func:`bones_of`, or for bones that have moved."""
-    bones = bones_of(data, where)
-    for name, bone in bones.items():
-        transform = field_array(bone, "Transform")
-        if transform is not None and not np.array_equal(transform.reshape(-1), np.eye(4).reshape(-1)):
-            remedy = "connect the bones at rest, or remove the array 'Transform' from a new rest pose"
-            raise InputError(f"{where}, block {name!r}", "the bone has moved", remedy)
-    return RestBones(bones, where)
+    """Return bones at rest; raises as :func:`bones_of`."""
+    return RestBones(bones_of(data, where), where)

@@ -59,8 +59,9 @@ class FixedPointDetector(Filter):
     Raises
     ------
     ValueError
-        If no point is fixed; for the method ``"attachment"``, if there are no attachments, an area is on a
-        bone that is not among the blocks, or landmarks are too far from the muscle.
+        If a bone has moved; if no point is fixed; for the method ``"attachment"``, if there are no
+        attachments, an area is on a bone that is not among the blocks, or landmarks are too far from the
+        muscle.
 
     References
     ----------
