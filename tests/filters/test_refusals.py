@@ -99,7 +99,9 @@ EMPTY_CELL = pv.UnstructuredGrid([0, 1, 0], KINDS, [[0.0, -32.0, 10.0]])
 LINES = arrays.points_of(examples.fibres()).reshape(6, -1, 3)
 TURNED = [line[::-1] if number > 2 else line for number, line in enumerate(LINES)]
 AT_REST = "BoneMotion", "FixedPointDetector", "AttachmentEstimator"
+MOVED = partial(arrays.add_arrays, examples.muscle(), points={"Displacement": np.eye(3)[np.arange(N) % 3]})
 DEFORMED = ("PBDDeformer", "muscle"), ("PathDeformer", "muscle"), ("TautPaths", "rest_muscle")
+RESTING = *DEFORMED, ("FixedPointDetector", "muscle"), ("FibreTransport", "rest_muscle")
 #: Filters, their changed inputs and parameters, and the words of the error.
 REFUSED = [
     ("AttachmentEstimator", {"origin": "ulna"}, "origin is 'ulna', but .* proximal, distal"),
@@ -150,6 +152,7 @@ REFUSED = [
     ),
     ("LinearBlendFibres", {"insertion": "tibia"}, "is 'tibia', but the bones are 'proximal'"),
     ("MomentArms", {"motion": None}, "fibres: the fibres have no time steps"),
+    *((name, {muscle: MOVED}, "muscle: the muscle has moved; connect") for name, muscle in RESTING),
     *((name, {muscle: opened}, "is open: 3 edges") for name, muscle in DEFORMED),
     *((name, {muscle: of_two_sides}, "closed and oriented, but") for name, muscle in DEFORMED),
     ("PathDeformer", {"paths": examples.fibres}, "paths: the point array 'RestPosition' is missing"),
@@ -197,7 +200,7 @@ REFUSED = [
     ),
     ("StiffTendons", {"fibres": lines_of([np.eye(3)] * 2)}, "fibres: numbers of points differ"),
     ("StiffTendons", {"paths": vtkPolyData()}, "paths: the data set has no paths"),
-    ("TautPaths", {"rest_fibres": lines_of(0.001 * LINES)}, "rest_fibres: no path passes .* frame and unit"),
+    ("TautPaths", {"rest_fibres": lines_of(0.001 * LINES)}, "rest_fibres: no path passes .* check units"),
     ("TautPaths", {"rest_fibres": lines_of(TURNED)}, "rest_fibres: fibre 3 runs the other way than fibre 0"),
     ("TautPaths", {"rest_fibres": None, "rest_muscle": fixed_to(0, 1)}, "rest_muscle: no line over the"),
     ("TemplateFitter", {"attachments": areas(("origin", ORIGIN))}, "attachments: .* role 'insertion'"),

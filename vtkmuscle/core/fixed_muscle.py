@@ -29,7 +29,7 @@ class FixedMuscle(NamedTuple):
     rings: BoneRings = ()
 
     def topology(self) -> surface.MeshTopology:
-        """Return the surface's edges; one without volume, open or of two sides raises a ValueError."""
+        """Return the surface's edges. One without volume, open or of two sides raises a ValueError."""
         points, corners = self.points, self.triangles
         surface.check_volume(points, surface.signed_volume(points, corners))
         topology = surface.mesh_topology(len(points), corners)
@@ -40,8 +40,7 @@ class FixedMuscle(NamedTuple):
         return topology
 
     def check_lines(self, lines: Floats) -> None:
-        """Raise a ValueError if no point of lines (f, n, 3) is in the muscle, or on its surface."""
+        """Raise a ValueError for lines off the muscle. No point of lines (f, n, 3) is in or on it."""
         away = solids_of(self.points, self.triangles).distances(lines.reshape(-1, 3)).min()
         if away > SAME * surface.extent(self.points):  # points on the surface may be on either side
-            remedy = "connect its own, in the same frame and unit"
-            raise InputError("", "no path passes through the muscle at rest", remedy)
+            raise InputError("", "no path passes through the muscle at rest", "connect its own; check units")

@@ -27,7 +27,7 @@ _MADE_BY = "BoneMotion adds it"
 
 
 def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
-    """Return bones at rest by name, in the order of ``FixedTo``; ValueError for bones that have moved."""
+    """Return bones at rest by name. In the order of ``FixedTo``; ValueError for bones that have moved."""
     bones = _named_bones(data, where)
     for name, bone in bones.items():
         transform = field_array(bone, "Transform")

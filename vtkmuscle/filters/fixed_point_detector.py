@@ -91,7 +91,7 @@ class FixedPointDetector(Filter):
     n_voxels = N_VOXELS(only_with=("method", "collision"))
     n_voxels_per_axis: Parameter[int | None] = N_VOXELS_PER_AXIS(only_with=("method", "collision"))
 
-    muscle = ports.Surface()
+    muscle = ports.RestSurface()
     bones = ports.Bones()
     attachments = InputPort(vtkMultiBlockDataSet, attachments_of, optional=True)
     output = OutputPort(vtkPolyData)

@@ -121,7 +121,7 @@ class PathDeformer(Filter):
     measure_shape = Parameter(bool, default=False)
     measure_penetration = Parameter(bool, default=False)
 
-    muscle = ports.Surface()
+    muscle = ports.RestSurface()
     paths = ports.Paths(optional=True)
     rest_bones = ports.RestBones()
     bones = ports.MovingBones()

@@ -99,7 +99,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
     True
     """
 
-    muscle = ports.Surface()
+    muscle = ports.RestSurface()
     rest_bones = ports.RestBones()
     bones = ports.MovingBones()
     fibres = ports.Lines(optional=True)

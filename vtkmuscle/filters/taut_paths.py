@@ -139,7 +139,7 @@ class TautPaths(Filter):
     checkpoint_memory = Parameter(float, default=64.0, minimum=0.0, units="MB")
 
     rest_fibres = ports.Lines(optional=True)
-    rest_muscle = ports.Surface()
+    rest_muscle = ports.RestSurface()
     rest_bones = ports.RestBones()
     bones = ports.MovingBones()
     attachments = InputPort(vtkMultiBlockDataSet, optional=True)
@@ -212,7 +212,6 @@ def _paths_at_rest(
         near, far = (np.linalg.norm(paths[:, 0] - paths[0, end], axis=1) for end in (0, -1))
         back = (first == last[0]) & (last == first[0]) & (first != last) & (far < near)
         if back.any():  # paths side by side go with each other from start to end
-            problem = f"fibre {back.argmax()} runs the other way than fibre 0"
-            raise InputError("", problem, "turn the order of its points round")
+            raise InputError("", f"fibre {back.argmax()} runs the other way than fibre 0", "turn it round")
         made = MusclePaths(paths, *ends, (points, triangles), bones, rings=rings, n_paths=n_paths)
     return KeptPoses(made), ends, free_shares(made.rest)
