@@ -24,20 +24,11 @@ def ring(z, radius):
 MUSCLE = ball((0.0, 0.0, 0.0), 20.0)
 #: The muscle dips into the lower bone, touches the upper one nearly, and is far from the third.
 BONES = multiblock_from(
-    {
-        "far": ball((200.0, 0.0, 0.0), 5.0),
-        "lower": ball((0.0, 0.0, -28.0), 10.0),
-        "upper": ball((0, 0, 30.2), 10.0),
-    }
+    {"far": ball((200, 0, 0), 5), "lower": ball((0, 0, -28), 10), "upper": ball((0, 0, 30.2), 10)}
 )
-ATTACHMENTS = attachments_from(
-    [
-        AttachmentArea("origin", "upper", ring(21.0, 8.0), closed=True),
-        AttachmentArea(
-            "insertion", "lower", np.array([[-5.0, 0, -21.0], [0, 0, -21.0], [5.0, 0, -21.0]]), closed=False
-        ),
-    ]
-)
+CURVE = AttachmentArea("insertion", "lower", np.array([[x, 0.0, -21.0] for x in (-5, 0, 5)]), closed=False)
+ATTACHMENTS = attachments_from([AttachmentArea("origin", "upper", ring(21.0, 8.0), closed=True), CURVE])
+MORE = "iliacus", "gluteus_maximus", "adductor_brevis"
 
 
 def detect(method, *, attachments=None, muscle=MUSCLE, bones=BONES, **parameters):
@@ -129,14 +120,7 @@ def test_a_muscle_without_fixed_points_is_refused(method, inputs, message):
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize(
-    "name",
-    [
-        "gluteus_medius",
-        *(pytest.param(name, marks=pytest.mark.long) for name in ("iliacus", "gluteus_maximus")),
-        pytest.param("adductor_brevis", marks=pytest.mark.long),
-    ],
-)
+@pytest.mark.parametrize("name", ["gluteus_medius", *(pytest.param(x, marks=pytest.mark.long) for x in MORE)])
 def test_patches_of_a_real_muscle_are_as_large_as_their_rings_and_face_the_bone(lhdl_hip, name):
     """Area between 0.8 and 1.2 of the ring's; on every patch muscle and bone face each other."""
     scene = Scene.load(lhdl_hip / "scene.toml")
@@ -145,12 +129,8 @@ def test_patches_of_a_real_muscle_are_as_large_as_their_rings_and_face_the_bone(
     normals = triangle_normals(points, triangles)
     areas = np.linalg.norm(normals, axis=1) / 2
     for number, area in enumerate(muscle.attachments):
-        fixed_to = detect(
-            "attachment",
-            muscle=muscle.surface,
-            bones=scene.bones_data(),
-            attachments=attachments_from([area]),
-        )
+        inputs = {"bones": scene.bones_data(), "attachments": attachments_from([area])}
+        fixed_to = detect("attachment", muscle=muscle.surface, **inputs)
         patch = (fixed_to[triangles] >= 0).all(axis=1)
         arms = area.landmarks - area.landmarks.mean(axis=0)
         ring = np.linalg.norm(np.cross(arms, np.roll(arms, -1, axis=0)).sum(axis=0)) / 2

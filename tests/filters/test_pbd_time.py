@@ -99,7 +99,7 @@ def work(noted):
     """Count what is done: frames, and the things that are made for them."""
     voxels._GRIDS.clear()  # those of equal bones are shared
     done = []
-    noted(fixed_muscle, "mesh_topology", "topology", done)
+    noted(fixed_muscle.surface, "mesh_topology", "topology", done)
     noted(solver, "RestShape", "rest shape", done)
     noted(sweep, "harmonic_directions", "fibre directions", done)
     noted(voxels, "build_voxel_grid", "voxels", done)

@@ -1,5 +1,7 @@
 """Input that filters refuse, each with the reason: one change of the examples that all filters run on."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 import pyvista as pv
@@ -18,16 +20,15 @@ N = examples.muscle().GetNumberOfPoints()
 GRID = pv.ImageData(dimensions=(3, 3, 7), spacing=(10, 10, 20), origin=(-10, -42, -50))
 
 
-def opened():
-    """Return the fixed muscle without a triangle."""
+def other_triangles(change):
     muscle = examples.fixed_muscle()
-    surface = arrays.surface_from(arrays.points_of(muscle), arrays.triangles_of(muscle, "")[1:])
+    surface = arrays.surface_from(arrays.points_of(muscle), change(arrays.triangles_of(muscle, "")))
     return arrays.add_arrays(surface, points={"FixedTo": arrays.point_array(muscle, "FixedTo", "")})
 
 
-def in_another_order():
-    muscle = examples.fixed_muscle()
-    return arrays.surface_from(arrays.points_of(muscle), np.roll(arrays.triangles_of(muscle, ""), 1, axis=0))
+opened = partial(other_triangles, lambda triangles: triangles[1:])
+in_another_order = partial(other_triangles, lambda triangles: np.roll(triangles, 1, axis=0))
+of_two_sides = partial(other_triangles, lambda triangles: np.vstack([triangles[:99], triangles[99:, ::-1]]))
 
 
 def fixed_to(*values):
@@ -95,6 +96,12 @@ def points_alone():
 KINDS = pv.CellType.EMPTY_CELL, pv.CellType.VERTEX
 EMPTY_CELL = pv.UnstructuredGrid([0, 1, 0], KINDS, [[0.0, -32.0, 10.0]])
 
+LINES = arrays.points_of(examples.fibres()).reshape(6, -1, 3)
+TURNED = [line[::-1] if number > 2 else line for number, line in enumerate(LINES)]
+AT_REST = "BoneMotion", "FixedPointDetector", "AttachmentEstimator"
+MOVED = partial(arrays.add_arrays, examples.muscle(), points={"Displacement": np.eye(3)[np.arange(N) % 3]})
+DEFORMED = ("PBDDeformer", "muscle"), ("PathDeformer", "muscle"), ("TautPaths", "rest_muscle")
+RESTING = *DEFORMED, ("FixedPointDetector", "muscle"), ("FibreTransport", "rest_muscle")
 #: Filters, their changed inputs and parameters, and the words of the error.
 REFUSED = [
     ("AttachmentEstimator", {"origin": "ulna"}, "origin is 'ulna', but .* proximal, distal"),
@@ -104,7 +111,7 @@ REFUSED = [
         {"bones": lambda: arrays.multiblock_from(dict(arrays.blocks_of(examples.rest_bones())[:1]))},
         "is near fewer than two bones; .* 'proximal' .*; .* or give landmarks",
     ),
-    ("BoneMotion", {"bones": examples.moving_bones}, "bones, block 'distal': the bone has moved"),
+    *((name, {"bones": examples.moving_bones}, "block 'distal': the bone has moved") for name in AT_REST),
     ("BoneMotion", {"motion": hinge("ulna", (0, 0, 0), (1, 0, 0), [0.0, 1.0])}, "'ulna', but .* 'distal'"),
     *(
         (
@@ -145,7 +152,9 @@ REFUSED = [
     ),
     ("LinearBlendFibres", {"insertion": "tibia"}, "is 'tibia', but the bones are 'proximal'"),
     ("MomentArms", {"motion": None}, "fibres: the fibres have no time steps"),
-    ("PathDeformer", {"muscle": opened}, "(?i)closed|open"),
+    *((name, {muscle: MOVED}, "muscle: the muscle has moved; connect") for name, muscle in RESTING),
+    *((name, {muscle: opened}, "is open: 3 edges") for name, muscle in DEFORMED),
+    *((name, {muscle: of_two_sides}, "closed and oriented, but") for name, muscle in DEFORMED),
     ("PathDeformer", {"paths": examples.fibres}, "paths: the point array 'RestPosition' is missing"),
     ("PathDeformer", {"paths": far_paths}, "muscle: no path passes through the muscle at rest; connect its"),
     *((name, {"muscle": detected}, "was 'distal' at .*, but") for name in ("PBDDeformer", "PathDeformer")),
@@ -191,6 +200,8 @@ REFUSED = [
     ),
     ("StiffTendons", {"fibres": lines_of([np.eye(3)] * 2)}, "fibres: numbers of points differ"),
     ("StiffTendons", {"paths": vtkPolyData()}, "paths: the data set has no paths"),
+    ("TautPaths", {"rest_fibres": lines_of(0.001 * LINES)}, "rest_fibres: no path passes .* check units"),
+    ("TautPaths", {"rest_fibres": lines_of(TURNED)}, "rest_fibres: fibre 3 runs the other way than fibre 0"),
     ("TautPaths", {"rest_fibres": None, "rest_muscle": fixed_to(0, 1)}, "rest_muscle: no line over the"),
     ("TemplateFitter", {"attachments": areas(("origin", ORIGIN))}, "attachments: .* role 'insertion'"),
     ("TemplateFitter", {"axis": "attachments", "attachments": SAME}, "set axis='principal'"),

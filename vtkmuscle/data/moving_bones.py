@@ -27,9 +27,13 @@ _MADE_BY = "BoneMotion adds it"
 
 
 def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
-    """Return bones by name, in the order of ``FixedTo``."""
+    """Return bones at rest by name. In the order of ``FixedTo``; ValueError for bones that have moved."""
     bones = _named_bones(data, where)
     for name, bone in bones.items():
+        transform = field_array(bone, "Transform")
+        if transform is not None and not np.array_equal(transform.reshape(-1), np.eye(4).reshape(-1)):
+            remedy = "connect the bones at rest, or remove the array 'Transform' from a new rest pose"
+            raise InputError(f"{where}, block {name!r}", "the bone has moved", remedy)
         if bone.GetPoints() is not None and not np.isfinite(vtk_to_numpy(bone.GetPoints().GetData())).all():
             raise InputError(where, f"block {name!r} has points that are not finite", "correct its file")
     return bones
@@ -110,8 +114,9 @@ def fixed_muscle(
     """
     lines = None if fibres is None else (fibres.points, fibres.offsets)
     fixed = FixedMuscle(muscle.points, muscle.triangles, fixed_points_of(muscle, bones), lines, rings or ())
-    torn = rings is None and -1 < fixed.fixed_to.min() < fixed.fixed_to.max()
-    if torn or ((fixed.fixed_to < 0).all() and not driven):
+    corners = fixed.fixed_to[muscle.triangles]
+    torn = rings is None and -1 < corners.min() < corners.max()
+    if torn or ((corners < 0).all() and not driven):
         problem = "no point is fixed to a bone, so the muscle would not move"
         problem = "all points are fixed, to several bones, so the muscle would tear" if torn else problem
         raise InputError(muscle.where, problem, "detect fixed points by another method or distance")
@@ -140,11 +145,5 @@ class RestBones:
 
 
 def rest_bones_of(data: vtkMultiBlockDataSet, where: str) -> RestBones:
-    """Return bones at rest; raises as :func:`bones_of`, or for bones that have moved."""
-    bones = bones_of(data, where)
-    for name, bone in bones.items():
-        transform = field_array(bone, "Transform")
-        if transform is not None and not np.array_equal(transform.reshape(-1), np.eye(4).reshape(-1)):
-            remedy = "connect the bones at rest, or remove the array 'Transform' from a new rest pose"
-            raise InputError(f"{where}, block {name!r}", "the bone has moved", remedy)
-    return RestBones(bones, where)
+    """Return bones at rest; raises as :func:`bones_of`."""
+    return RestBones(bones_of(data, where), where)

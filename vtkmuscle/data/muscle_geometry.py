@@ -137,6 +137,14 @@ def surface_of(data: vtkPolyData, where: str) -> Surface:
     return Surface(data, *checked_surface(data, where), where)
 
 
+def rest_surface_of(data: vtkPolyData, where: str) -> Surface:
+    """Return a muscle at rest; raises as :func:`surface_of`, or for a muscle that has moved."""
+    moved = data.GetPointData().GetArray("Displacement")
+    if moved is not None and np.any(moved):
+        raise InputError(where, "the muscle has moved", "connect it at rest, or remove its 'Displacement'")
+    return surface_of(data, where)
+
+
 _geometry = shared(MuscleGeometry, last=REMEMBERED)
 
 

@@ -54,8 +54,9 @@ class AttachmentEstimator(Filter):
     Raises
     ------
     ValueError
-        If the muscle is close to fewer than two bones, or far from the bones of ``origin`` and ``insertion``;
-        if an end is far from any bone, as of a belly whose tendon is a separate surface.
+        If a bone has moved; if the muscle is close to fewer than two bones, or far from the bones of
+        ``origin`` and ``insertion``; if an end is far from any bone, as of a belly whose tendon is a separate
+        surface.
 
     Limitations
     -----------

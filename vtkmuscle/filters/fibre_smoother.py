@@ -13,7 +13,6 @@ from vtkmuscle.core.fibres.spreading import (
     steps_to_centres,
 )
 from vtkmuscle.core.mesh.polylines import inner_points, polyline_lengths, smooth_polylines
-from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array, field_string
 from vtkmuscle.data.attachments import ROLES, Areas
@@ -116,9 +115,7 @@ class FibreSmoother(Filter):
             kept = field_array(lines.data, "EndsKept")
             led = kept is not None and float(kept.min()) <= 0.5
             spreading = SPREADING if led or field_string(lines.data, "Template") == "parallel" else 0.0
-        areas: list[PatchSamples | None] = [None, None]
-        if attachments is not None:
-            areas = [geometry.covered(attachments, role) for role in ROLES]
+        areas = [None if attachments is None else geometry.covered(attachments, role) for role in ROLES]
         ends, inner = (lines.offsets[:-1], lines.offsets[1:] - 1), inner_points(lines.offsets)
         count = max(SAMPLES * len(lines), LEAST_SAMPLES) if spreading and self.smoothing_passes else 0
         samples, surface = geometry.samples(count), (geometry.points, geometry.triangles)

@@ -73,7 +73,7 @@ class FibreTransport(Filter):
     weight_tolerance = Parameter(float, default=0.0, minimum=0.0, maximum=10.0)
 
     rest_fibres = ports.Lines()
-    rest_muscle = ports.Surface()
+    rest_muscle = ports.RestSurface()
     deformed_muscle = ports.Surface()
     output = OutputPort(vtkPolyData)
 
@@ -152,7 +152,7 @@ class StiffTendons(Filter):
 
     fibres = ports.Lines()
     rest_fibres = ports.Lines()
-    rest_muscle = ports.Surface()
+    rest_muscle = ports.RestSurface()
     deformed_muscle = ports.Surface()
     paths = ports.Paths()
     output = OutputPort(vtkPolyData)

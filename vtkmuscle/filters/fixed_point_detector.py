@@ -59,8 +59,9 @@ class FixedPointDetector(Filter):
     Raises
     ------
     ValueError
-        If no point is fixed; for the method ``"attachment"``, if there are no attachments, an area is on a
-        bone that is not among the blocks, or landmarks are too far from the muscle.
+        If a bone has moved; if no point is fixed; for the method ``"attachment"``, if there are no
+        attachments, an area is on a bone that is not among the blocks, or landmarks are too far from the
+        muscle.
 
     References
     ----------
@@ -90,7 +91,7 @@ class FixedPointDetector(Filter):
     n_voxels = N_VOXELS(only_with=("method", "collision"))
     n_voxels_per_axis: Parameter[int | None] = N_VOXELS_PER_AXIS(only_with=("method", "collision"))
 
-    muscle = ports.Surface()
+    muscle = ports.RestSurface()
     bones = ports.Bones()
     attachments = InputPort(vtkMultiBlockDataSet, attachments_of, optional=True)
     output = OutputPort(vtkPolyData)
@@ -156,8 +157,7 @@ class FixedPointDetector(Filter):
 
     def _within(self, muscle: Surface) -> float:
         """Return the largest distance of fixed points from a bone, or from its voxels [mm]."""
-        if self.method == "collision":
-            return 0.0
-        if self.distance is not None:
-            return self.distance
-        return float(edge_lengths(muscle.points, unique_edges(muscle.triangles)).mean())
+        own = 0.0 if self.method == "collision" else self.distance
+        return (
+            float(edge_lengths(muscle.points, unique_edges(muscle.triangles)).mean()) if own is None else own
+        )

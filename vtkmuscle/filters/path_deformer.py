@@ -7,11 +7,7 @@ from vtkmodules.vtkCommonExecutionModel import vtkDemandDrivenPipeline, vtkExecu
 
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fibres.embedding import EmbeddedPoints
-from vtkmuscle.core.fixed_muscle import FixedMuscle
-from vtkmuscle.core.mesh.solids import solids_of
-from vtkmuscle.core.mesh.surface import extent
 from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle, CarriedPose
-from vtkmuscle.core.types import SAME, Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, state_of
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
 from vtkmuscle.data.muscle_geometry import Neighbours, Surface
@@ -125,7 +121,7 @@ class PathDeformer(Filter):
     measure_shape = Parameter(bool, default=False)
     measure_penetration = Parameter(bool, default=False)
 
-    muscle = ports.Surface()
+    muscle = ports.RestSurface()
     paths = ports.Paths(optional=True)
     rest_bones = ports.RestBones()
     bones = ports.MovingBones()
@@ -155,7 +151,7 @@ class PathDeformer(Filter):
         rest, now = (None, None) if paths is None else (paths.rest, paths.points)
         made_from = fixed, rest, rest_bones.shapes, self.bone_clearance
         with errors_at("muscle"):
-            carried = self.once("carried", made_from, _carried)
+            carried = self.once("carried", made_from, CarriedMuscle)
         upstream = state_of_inputs(self, [] if neighbours is None else [self._number_of("neighbours")])
         near_now = self.once("neighbours", (fixed.points, upstream), lambda rest, _: Neighbours(rest))
 
@@ -188,13 +184,3 @@ class PathDeformer(Filter):
         cells = {"RestLength": fibres.lengths}
         fields = {"PointsOutside": embedded.n_outside}
         return result, add_arrays(fibres.moved(moved), cells=cells, fields=fields)
-
-
-def _carried(muscle: FixedMuscle, paths: Floats | None, *obstacles: Any) -> CarriedMuscle:
-    """Return a muscle that moves with paths. InputError if the paths at rest have no point in the muscle."""
-    carried = CarriedMuscle(muscle, paths, *obstacles)
-    if paths is not None:
-        off = solids_of(muscle.points, muscle.triangles).distances(paths.reshape(-1, 3)).min()
-        if off > SAME * extent(muscle.points):  # points on the surface may be on either side
-            raise InputError("", "no path passes through the muscle at rest", "connect its own paths")
-    return carried

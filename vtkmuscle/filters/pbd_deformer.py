@@ -4,11 +4,12 @@ import warnings
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
-from vtkmuscle.core.mesh.surface import longest_side, survey
+from vtkmuscle.core.mesh.surface import longest_side, survey, used_alone
 from vtkmuscle.core.pbd.levels import FINE_ITERATIONS, TwoLevels, coarse_fixed_points
 from vtkmuscle.core.pbd.solver import Parameters, PBDSolver, State
 from vtkmuscle.core.types import Floats
@@ -98,7 +99,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
     True
     """
 
-    muscle = ports.Surface()
+    muscle = ports.RestSurface()
     rest_bones = ports.RestBones()
     bones = ports.MovingBones()
     fibres = ports.Lines(optional=True)
@@ -168,13 +169,14 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
 
 def _coarser(muscle: FixedMuscle, count: int) -> FixedMuscle | None:
     """Return a muscle of about `count` triangles; None, with a warning, if decimation tears the surface."""
-    middle, size = muscle.points.mean(axis=0), longest_side(muscle.points)
-    points, triangles = decimated((muscle.points - middle) / size, muscle.triangles, count)
+    fine, corners = used_alone(muscle.points, muscle.triangles)
+    middle, size = fine.mean(axis=0), longest_side(fine)
+    points, triangles = decimated((fine - middle) / size, corners, count)
     points = points * size + middle
     report = survey(points, triangles)
     if not (report.closed and report.manifold and report.oriented):
         problem = f"{len(muscle.triangles)} triangles cannot be decimated to {count}; the full mesh is solved"
         warnings.warn(f"PBDDeformer: muscle: {problem}", stacklevel=2)
         return None
-    fixed_to = coarse_fixed_points(muscle.points, muscle.fixed_to, points)
+    fixed_to = coarse_fixed_points(fine, muscle.fixed_to[np.unique(muscle.triangles)], points)
     return FixedMuscle(points, triangles, fixed_to, muscle.fibres)

@@ -8,10 +8,9 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.errors import errors_at
+from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.polylines import evenly_spread
-from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.paths.bows import free_shares
 from vtkmuscle.core.paths.guides import ALL_PATHS, LEAST_PATHS, with_bones
 from vtkmuscle.core.paths.levers import pull_of, rates_of
@@ -101,8 +100,9 @@ class TautPaths(Filter):
     Raises
     ------
     ValueError
-        If a fibre has no length; if the muscle is not closed or has no ``FixedTo``, or no fixed point; if
-        ``rest_bones`` and ``bones`` have different blocks; if a bone has no ``Transform``.
+        If a fibre has no length, or runs against the first, or all are off the muscle; if the muscle is not
+        closed or has no ``FixedTo``, or no fixed point; if ``rest_bones`` and ``bones`` have different
+        blocks; if a bone has no ``Transform``.
 
     References
     ----------
@@ -139,7 +139,7 @@ class TautPaths(Filter):
     checkpoint_memory = Parameter(float, default=64.0, minimum=0.0, units="MB")
 
     rest_fibres = ports.Lines(optional=True)
-    rest_muscle = ports.Surface()
+    rest_muscle = ports.RestSurface()
     rest_bones = ports.RestBones()
     bones = ports.MovingBones()
     attachments = InputPort(vtkMultiBlockDataSet, optional=True)
@@ -165,10 +165,8 @@ class TautPaths(Filter):
         levers = state.levers(bones.twists) if self.levers else {}
         count, n, _ = state.paths.shape
         points, offsets = state.paths.reshape(-1, 3), n * np.arange(count + 1)
-        if rest_fibres is None:
-            result = polylines_from(Polylines(points, offsets))
-        else:
-            result = rest_fibres.moved(points, offsets)
+        made = Polylines(points, offsets)
+        result = polylines_from(made) if rest_fibres is None else rest_fibres.moved(points, offsets)
         rest = poses.rest
         settled = state.settled and rest.settled
         measures = {stored.LENGTH: state.lengths, "Ratio": state.lengths / rest.lengths}
@@ -203,11 +201,17 @@ def _paths_at_rest(
     """Return the paths, their ends' bones, and free shares of bows; None without paths."""
     points, triangles, fixed_to, fibres, rings = muscle
     with errors_at("rest_muscle"):
-        lines = fibres or lines_on_surface(points, mesh_topology(len(points), triangles), fixed_to)
+        topology = muscle.topology()
+        lines = fibres or lines_on_surface(points, topology, fixed_to)
     if lines is None:
         return None
     paths = evenly_spread(*lines, resolution + 1)
     with errors_at("rest_fibres"):
-        ends = bones_at_ends(paths, points, fixed_to)
+        muscle.check_lines(paths)
+        first, last = ends = bones_at_ends(paths, points, fixed_to)
+        near, far = (np.linalg.norm(paths[:, 0] - paths[0, end], axis=1) for end in (0, -1))
+        back = (first == last[0]) & (last == first[0]) & (first != last) & (far < near)
+        if back.any():  # paths side by side go with each other from start to end
+            raise InputError("", f"fibre {back.argmax()} runs the other way than fibre 0", "turn it round")
         made = MusclePaths(paths, *ends, (points, triangles), bones, rings=rings, n_paths=n_paths)
     return KeptPoses(made), ends, free_shares(made.rest)

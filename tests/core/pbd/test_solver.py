@@ -60,6 +60,16 @@ def test_large_steps_are_parted():
     np.testing.assert_allclose(once.surface, state.surface, rtol=0.0, atol=1e-8)
 
 
+def test_neither_the_order_of_bones_nor_points_of_no_triangle_count():
+    points, triangles, fixed_to = spindle(seed=0)
+    fixed_to[40:43], bones = 2, np.vstack([bent(4.0), bent(-4.0)[1:]])
+    wanted = (solver := solver_of((points, triangles, fixed_to))).step(solver.at_rest(3), bones).surface
+    fixed_to = np.append(np.array([1, 2, 0, -1])[fixed_to], [-1, -1])
+    solver = solver_of((np.vstack([points, np.diag([900.0, 0, 0])[:2]]), triangles, fixed_to))
+    surface = solver.step(solver.at_rest(3), bones[[2, 0, 1]]).surface[:-2]
+    np.testing.assert_allclose(surface, wanted, rtol=0.0, atol=1e-9)
+
+
 def test_a_pose_depends_on_its_start_alone_and_a_good_start_stays():
     solver = solver_of()
     turned = rotation_about((0.0, 20.0, 0.0), [1, 2, 3], 70.0)

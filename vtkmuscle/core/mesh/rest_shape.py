@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import lane, vector_kernel
 from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, edge_lengths
 from vtkmuscle.core.types import MOST_ROUNDS, ROUNDING, Bools, Floats, Ints
@@ -151,13 +150,10 @@ class ShapeReport(NamedTuple):
 class RestShape:
     """Lengths, angles and volume of a closed surface at rest.
 
-    Points (n, 3) [mm]. A ValueError says that the surface is open or encloses no volume.
+    Points (n, 3) [mm]. A ValueError says that the surface encloses no volume.
     """
 
     def __init__(self, points: Floats, topology: MeshTopology) -> None:
-        if topology.n_boundary_edges:
-            problem = f"the surface is open: {topology.n_boundary_edges} edges belong to one triangle only"
-            raise InputError("", problem, "close it (vtkFillHolesFilter), as an open surface has no volume")
         self.points, self.topology = points, topology
         #: Of the edges, (k,) [mm].
         self.lengths: Floats = edge_lengths(points, topology.edges)

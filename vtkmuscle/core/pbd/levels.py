@@ -65,10 +65,8 @@ class TwoLevels:
         self._rings = rings.indptr, rings.indices, arms
         self._fixed = np.flatnonzero(fixed_to >= 0)
         self._fixed_to = fixed_to[self._fixed]
-        nearest, near = np.zeros(len(rest), dtype=np.int64), np.zeros(len(rest))
-        if len(self._fixed):
-            away, nearest = cKDTree(rest[self._fixed]).query(rest)
-            near = np.exp(-0.5 * (away / solver.shape.lengths.mean()) ** 2)
+        away, nearest = cKDTree(rest[self._fixed]).query(rest)
+        near = np.exp(-0.5 * (away / solver.shape.lengths.mean()) ** 2)
         #: Points that fixed points take along, with the nearest of these and the part.
         self._along = np.flatnonzero(near > np.finfo(float).eps)
         self._nearest, self._near = nearest[self._along], near[self._along]

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
+from scipy.spatial.distance import pdist
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.contact import BoneContact, PoseContact
@@ -19,6 +20,7 @@ from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.jit import LANES
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.rest_shape import RestShape, Volume, project_volume
+from vtkmuscle.core.mesh.surface import box_of
 from vtkmuscle.core.mesh.triangle_tree import Near
 from vtkmuscle.core.motion.blending import blend_motions, nearest_rotations, screws_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverses
@@ -162,11 +164,13 @@ class PBDSolver:
         elif parameters.anisotropy == "always":
             directions = sweep.harmonic_directions(points, topology, fixed_to)
         self.shape = shape = RestShape(points, topology)
-        self.centre: Floats = (points.min(axis=0) + points.max(axis=0)) / 2.0
+        self._used = np.unique(topology.edges)
+        self.centre: Floats = np.mean(box_of(points[self._used]), axis=0)
         self.rest: Floats = points - self.centre
         free = fixed_to < 0
         self._mass: Floats = free.astype(np.float64)
         self._fixed = [(int(bone), np.flatnonzero(fixed_to == bone)) for bone in np.unique(fixed_to[~free])]
+        free &= np.isin(np.arange(len(points)), self._used)
         self._weights = harmonic_weights(self.rest, muscle.triangles, fixed_to) if self._fixed else None
         self._contact: VoxelContact | BoneContact = BoneContact(bones, points, free, clearance)
         if voxels is not None:
@@ -216,8 +220,6 @@ class PBDSolver:
             p = self._with_fixed_points(self._start(x, before, now, keep_out), now)
             held = self._iterate(p, self.rows.constants, keep_out, report, part, parts)
             before, x = now, p[:-1]
-        if self.parameters.finish:
-            held = self._exact.finish(x, keep_out)
         return self._state(x, transforms, held)
 
     def pose(self, start: Floats, transforms: Floats, near: Near = (), report: Progress = quiet) -> State:
@@ -232,8 +234,6 @@ class PBDSolver:
         sweep.take_lengths(p, self.rows.points, constants)
         keep_out = self._keep_out(transforms, transforms, p[:-1].copy(), near)
         held = self._iterate(p, constants, keep_out, report)
-        if self.parameters.finish:
-            held = self._exact.finish(p[:-1], keep_out)
         return self._state(p[:-1], transforms, held)
 
     def _with_velocities(self, state: State, transforms: Floats, near: Near, report: Progress) -> State:
@@ -245,8 +245,6 @@ class PBDSolver:
             p = self._with_fixed_points(start, transforms)
             keep_out = self._keep_out(transforms, state.transforms, x, near)
             held = self._iterate(p, self.rows.constants, keep_out, report)
-            if settings.finish:
-                held |= self._exact.finish(p[:-1], keep_out)
             velocities = (p[:-1] - x) / dt
         if settings.contact_velocity == "zero":
             velocities[held] = 0.0
@@ -267,11 +265,12 @@ class PBDSolver:
         old, new = (np.einsum("ij,kj->ik", places, np.hstack(list(pose[:, :3]))) for pose in (before, now))
         motions = now @ inverses(before)
         turned = new + blend_motions(motions * [1.0, 1.0, 1.0, 0.0], weights, x - old)
-        turn = nearest_rotations(np.einsum("ij,ik->jk", turned, x - x.mean(axis=0))[None])[0]
+        body, used = x[self._used], self._used
+        turn = nearest_rotations(np.einsum("ij,ik->jk", turned[used], body - body.mean(axis=0))[None])[0]
         straight = new + np.einsum("ij,kj->ik", x - old, turn)
         kept, apart = straight.copy(), blend_motions(motions, weights, x) - straight
         keep_out(kept)
-        push, most = (np.linalg.norm(way, axis=1).max() for way in (kept - straight, apart))
+        push, most = (np.linalg.norm(way[used], axis=1).max() for way in (kept - straight, apart))
         starts, ends, lengths, stiffness = self._edges
         way, more = straight[ends] - straight[starts], apart[ends] - apart[starts]
         squares, across, more = (np.einsum("ij,ij->i", *p) for p in ((way, way), (way, more), (more, more)))
@@ -283,7 +282,7 @@ class PBDSolver:
     def _iterate(
         self, p: Floats, constants: Floats, keep_out: KeepOut, report: Progress, part: int = 1, parts: int = 1
     ) -> Bools:
-        """Project all constraints of points (n + 1, 3) in place; return the points that met an obstacle."""
+        """Project all constraints of points (n + 1, 3), and finish, in place; return points held off."""
         settings, met = self.parameters, np.zeros(len(p) - 1, dtype=np.bool_)
         rows, signed, buffer = (self.rows.points, constants), settings.signed_angles, self._buffer
         by_edge = settings.order == "edge"
@@ -294,6 +293,9 @@ class PBDSolver:
                 sweep.project_edges(p, *rows, False, True, signed, buffer)
             met |= keep_out(p[:-1])
             report((part - 1 + (iteration + 1) / settings.iterations) / parts)
+        if settings.finish and part == parts:
+            held = self._exact.finish(p[:-1], keep_out)
+            met = met | held if settings.prediction == "velocity" else held
         return met
 
     def _with_fixed_points(self, points: Floats, transforms: Floats) -> Floats:
@@ -322,8 +324,7 @@ def _parts(motions: Floats) -> int:
 
     The number is by the greatest turn of two bones against each other; motions (b, 4, 4) are of the bones.
     """
-    turns = motions[:, :3, :3].reshape(-1, 9).tolist()
     # Of a turn by t, the squares of R - 1 sum to 8 sin^2 t/2; so do those of the difference of two turns.
-    most = max((math.dist(turns[0], other) for other in turns[1:]), default=0.0)
+    most = pdist(motions[:, :3, :3].reshape(-1, 9)).max(initial=0.0)
     turn = 2.0 * math.degrees(math.asin(min(most / math.sqrt(8.0), 1.0)))
     return max(1, math.ceil(turn / LARGEST_TURN - 1e-3))

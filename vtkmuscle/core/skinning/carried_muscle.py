@@ -151,7 +151,7 @@ class CarriedMuscle:
     bones : mapping of int to Bone, bones that the surface is kept out of, by index among the transforms;
     clearance : float, distance that the surface keeps from the bones [mm].
 
-    Raises a ValueError if the surface is open or encloses no volume.
+    Raises a ValueError if the surface is open or encloses no volume, or if no path at rest is in it.
     """
 
     def __init__(
@@ -161,6 +161,7 @@ class CarriedMuscle:
         self._points, self._fibre_weights = points, None
         self._skinning = self._weights = None
         if paths is not None:
+            muscle.check_lines(paths)
             ends, thickness = bones_at_ends(paths, points, fixed_to), mean_thickness(points, muscle.triangles)
             self._skinning = Skinning(paths, ends, points, fixed_to, thickness)
             if muscle.fibres is not None:

@@ -15,7 +15,7 @@ from vtkmuscle.core.words import quoted
 from vtkmuscle.data.arrays import multiblock_from, polylines_of
 from vtkmuscle.data.attachments import attachments_from, end_areas, is_areas
 from vtkmuscle.data.moving_bones import bones_of, moving_bones_of, rest_bones_of
-from vtkmuscle.data.muscle_geometry import surface_of
+from vtkmuscle.data.muscle_geometry import rest_surface_of, surface_of
 from vtkmuscle.data.paths import checked_superficial, path_lines_of
 from vtkmuscle.filters.base.docstrings import Declaration
 
@@ -170,6 +170,7 @@ class InputPort(Port):
 # Ports by the argument of ``execute``.
 Lines = partial(InputPort, vtkPolyData, polylines_of)
 Surface = partial(InputPort, vtkPolyData, surface_of)
+RestSurface = partial(InputPort, vtkPolyData, rest_surface_of)
 SeenLines = partial(InputPort, vtkPolyData, checked_superficial)
 Areas = partial(InputPort, vtkMultiBlockDataSet, end_areas)
 Paths = partial(InputPort, vtkPolyData, path_lines_of, may_be_empty=True)
