@@ -65,9 +65,10 @@ class FibreMetrics(Filter):
 
     Limitations
     -----------
-    The physiological cross-sectional area assumes that fibres sample the muscle evenly. Pennation is measured
-    on the end segment, so the angle depends on the resolution of strongly curved fibres. Neighbouring ends
-    along a line span no aponeurosis. Strain is a mean over a fibre.
+    The physiological cross-sectional area assumes that fibres sample the muscle evenly; line of action and
+    centroid path assume that fibres run the same way. Pennation is measured on the end segment, so the angle
+    depends on the resolution of strongly curved fibres. Neighbouring ends along a line span no aponeurosis.
+    Strain is a mean over a fibre.
 
     Examples
     --------
