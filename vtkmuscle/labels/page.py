@@ -193,7 +193,7 @@ def _figures(surface: vtkPolyData) -> tuple[str, str, str, str]:
     """Return a surface's triangles, volume and accuracy as text."""
     points, triangles = checked_surface(surface, "surface")
     error, distances = field_array(surface, "VolumeError"), field_array(surface, "BoundaryDistance")
-    against = "" if error is None else f"{100.0 * error[0]:+.2f} %"
+    against = "" if error is None else f"{100.0 * error[0]:+z.2f} %"
     within = "" if distances is None else f"{distances[1]:.2f} mm"
     return str(len(triangles)), f"{signed_volume(points, triangles) / 1000.0:.1f}", against, within
 
@@ -284,7 +284,7 @@ def draft_of_labels(
             refused = _faults(draft, plain, f"{kind}s", surface)
             if not refused:
                 (draft.bones if kind == "bone" else draft.muscles)[plain] = surface
-            words = "{0} triangles, volume {2}, 95 % of the surface within {3} of the label"
+            words = "{0} triangles, volume {2} off the label's, 95 % of the surface within {3}"
             announce(f"{plain}: {kind}, {refused or words.format(*_figures(surface))}")
     draft.scale = scale_of([*draft.bones.values(), *draft.muscles.values()])
     draft.within = max(NEAR * draft.scale, *(np.linalg.norm(axes, axis=0).max() for axes in frames))
