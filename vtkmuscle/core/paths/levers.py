@@ -127,27 +127,30 @@ def _response(gradient: Floats, start: Floats, pull: Floats, least: float, solve
     """
     change, step, resist = solver
     velocity, left, count = np.zeros_like(gradient), gradient, 0
-    directions, forces, changes = space = np.empty((3, STEPS + 1, gradient.size))
+    directions, forces, changes = np.empty((3, STEPS + 1, gradient.size))
     matrix, right = np.empty((STEPS + 1, STEPS + 1)), np.empty(STEPS + 1)
     for number in range(STEPS + 1):
-        direction = step(left) if number else start
-        new = np.array([direction, resist(direction)]).reshape(2, -1)
-        whole = float(new[0] @ new[1])
-        new -= (forces[:count] @ new[0]) @ space[:2, :count]
-        size = float(new[0] @ new[1])
+        way, force = directions[count], forces[count]
+        way[:] = (step(left) if number else start).reshape(-1)
+        force[:] = resist(way.reshape(gradient.shape)).reshape(-1)
+        whole, before = float(way @ force), forces[:count] @ way
+        way -= before @ directions[:count]
+        force -= before @ forces[:count]
+        size = float(way @ force)
         if not size > SAME**2 * whole:  # no drift, or no further direction
             if number:
                 break
             continue
-        space[:2, count] = new / np.sqrt(size)
-        changes[count] = change(directions[count].reshape(gradient.shape)).reshape(-1)
-        right[count], count = -directions[count] @ gradient.reshape(-1), count + 1
+        way /= np.sqrt(size)
+        force /= np.sqrt(size)
+        changes[count] = change(way.reshape(gradient.shape)).reshape(-1)
+        right[count], count = -way @ gradient.reshape(-1), count + 1
         matrix[count - 1, :count] = changes[:count] @ directions[count - 1]
         matrix[:count, count - 1] = directions[:count] @ changes[count - 1]
         parts = np.linalg.solve(_stiffened(matrix[:count, :count]), right[:count])
-        before, velocity = velocity, (parts @ directions[:count]).reshape(gradient.shape)
+        last, velocity = velocity, (parts @ directions[:count]).reshape(gradient.shape)
         left = gradient + (parts @ changes[:count]).reshape(gradient.shape)
-        by_step = np.einsum("fni,fni->f", pull, velocity - before)
+        by_step = np.einsum("fni,fni->f", pull, velocity - last)
         if number and float(np.sqrt((by_step**2).mean())) < least:
             break
     return velocity
