@@ -263,7 +263,7 @@ def samples_of(points: Floats, triangles: Ints, patches: Sequence[Patch]) -> Pat
     whole = [patch.points for patch in patches if not len(patch.segments)]
     if curves := [patch for patch in patches if len(patch.segments)]:
         band = band_along(points, triangles, curves)
-        whole.append(len(points) + np.arange(len(band[0])) if len(band[0]) else curves[0].points)
+        whole += [len(points) + np.arange(len(band[0]))] if len(band[0]) else [each.points for each in curves]
         points, triangles = np.vstack([points, band[0]]), np.vstack([triangles, len(points) + band[1]])
     return PatchSamples(points, triangles, np.unique(np.concatenate(whole)))
 

@@ -133,9 +133,9 @@ def _response(gradient: Floats, start: Floats, pull: Floats, least: float, solve
         way, force = directions[count], forces[count]
         way[:] = (step(left) if number else start).reshape(-1)
         force[:] = resist(way.reshape(gradient.shape)).reshape(-1)
-        whole, before = float(way @ force), forces[:count] @ way
-        way -= before @ directions[:count]
-        force -= before @ forces[:count]
+        whole, shares = float(way @ force), forces[:count] @ way
+        way -= shares @ directions[:count]
+        force -= shares @ forces[:count]
         size = float(way @ force)
         if not size > SAME**2 * whole:  # no drift, or no further direction
             if number:
@@ -145,7 +145,7 @@ def _response(gradient: Floats, start: Floats, pull: Floats, least: float, solve
         force /= np.sqrt(size)
         changes[count] = change(way.reshape(gradient.shape)).reshape(-1)
         right[count], count = -way @ gradient.reshape(-1), count + 1
-        matrix[count - 1, :count] = changes[:count] @ directions[count - 1]
+        matrix[count - 1, :count] = changes[:count] @ way
         matrix[:count, count - 1] = directions[:count] @ changes[count - 1]
         parts = np.linalg.solve(_stiffened(matrix[:count, :count]), right[:count])
         last, velocity = velocity, (parts @ directions[:count]).reshape(gradient.shape)
