@@ -307,7 +307,7 @@ def _tell(draft: "Draft", quiet: bool) -> None:
 
     folder = draft.file.parent
     unsure = [guess for guess in draft.guesses if guess.confidence < LOOK and guess.value != LEFT_OUT]
-    shared.say(quiet, f"{len(draft.guesses)} guesses are in {folder / PAGE}{'; check these:' if unsure else ''}")
+    shared.say(quiet, f"{len(draft.guesses)} guesses are in {folder / PAGE}{'; check these:' * bool(unsure)}")
     for confidence, what, guess, why in table_of(unsure)[1:]:
         shared.say(quiet, f"  {confidence}  {what}: {guess}; {why}")
     for name, why in draft.left_out.items():

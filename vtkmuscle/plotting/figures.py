@@ -122,7 +122,7 @@ def plot_lengths(
     if ticks:
         axes.set_xticks(list(ticks), list(ticks.values()))
     _draw_lines(axes, np.asarray(times), values, views.MUSCLE_RED, 0.25)
-    label = f"{values.shape[1]} {of}{'s' if values.shape[1] > 1 else ''}"
+    label = f"{values.shape[1]} {of}{'s' * (values.shape[1] > 1)}"
     axes.plot([], [], color=views.MUSCLE_RED, linewidth=0.7, alpha=0.5, label=label)
     mean, single = values.mean(axis=1), "o" * (len(values) == 1)
     axes.plot(times, mean, color="black", linewidth=1.5, marker=single, label="mean")
@@ -237,7 +237,7 @@ def _draw_arms(axes: Axes, joint_arms: JointArms, positions: Floats | None) -> N
     colour = views.MUSCLE_RED if positions is None else "#2a788e"
     by_place = colour if positions is None else colours_of(positions, views.PLACE_MAP) / 255.0
     _draw_lines(axes, values, arms, by_place, 0.6)
-    axes.plot([], [], color=colour, linewidth=0.9, label=f"{arms.shape[1]} path{'s' if arms.shape[1] > 1 else ''}")
+    axes.plot([], [], color=colour, linewidth=0.9, label=f"{arms.shape[1]} path{'s' * (arms.shape[1] > 1)}")
     axes.plot(values, mean, color="black", linewidth=1.5, marker="o" * (len(values) == 1), label="mean")
     if joint_arms.quartic is not None:
         quartic = joint_arms.drawn(joint_arms.quartic.mean(axis=1))
